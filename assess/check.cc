@@ -2,11 +2,13 @@
 #include "assess/check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "calib/adjust/solver/problem.h"
@@ -14,6 +16,7 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/describe.h"
+#include "calib/estimate/fit.h"
 #include "calib/noise/matrix_root.h"
 
 namespace plenocal {
@@ -69,22 +72,6 @@ double SumOfSquares(Bundle* bundle) {
   return 2 * summary.cost;
 }
 
-double Rms(const Bundle& bundle, size_t camera) {
-  double squares = 0, count = 0;
-  for (const BundleObservation& observation : bundle.observations) {
-    double residual[kMaxObservationSize];
-    if (observation.camera != static_cast<int>(camera) || !observation.used ||
-        !Residual(bundle, observation, residual)) {
-      continue;
-    }
-    for (size_t r = 0; r < bundle.cameras[camera].model->measured.size(); ++r) {
-      squares += residual[r] * residual[r];
-    }
-    ++count;
-  }
-  return std::sqrt(squares / std::max(1.0, count));
-}
-
 // The old covariance of what is estimated now, with large variances for infinite ones.
 Eigen::MatrixXd OldCovariance(const CalibratedCamera& was, const std::vector<int>& free) {
   constexpr double kManySizes = 10;
@@ -98,21 +85,19 @@ Eigen::MatrixXd OldCovariance(const CalibratedCamera& was, const std::vector<int
 }
 
 void RefuseOpen(const Calibration& fresh) {
-  std::string names;
+  std::vector<std::string> names;
   for (size_t c = 0; c < fresh.bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = fresh.bundle.cameras[c];
     for (size_t k = 0; k < fresh.uncertainty.param_std_errors[c].size(); ++k) {
       if (!std::isinf(fresh.uncertainty.param_std_errors[c][k])) continue;
-      names += fmt::format("{}{}.{}",
-                           names.empty() ? "" : ", ",
-                           fresh.bundle.cameras[c].name,
-                           fresh.bundle.cameras[c].model->params[k].name);
+      names.push_back(fmt::format("{}.{}", camera.name, camera.model->params[k].name));
     }
   }
   if (names.empty()) return;
   throw JobError(
       "the new images are too few to check a calibration: they tell nothing "
       "of {}; add images from other distances and at other tilts",
-      names);
+      fmt::join(names, ", "));
 }
 
 // Factor by which per-frame systematic errors increase variances over those of independent errors:
@@ -153,9 +138,8 @@ class Check {
     squares_free_ = SumOfSquares(&Free());
     check_.fresh.uncertainty = EstimateUncertainty(Free());
     RefuseOpen(check_.fresh);
-    double redundancy = 0;
-    for (const double each : check_.fresh.uncertainty.redundancy) redundancy += each;
-    noise_variance_ = squares_free_ / redundancy;
+    const std::vector<double>& redundancy = check_.fresh.uncertainty.redundancy;
+    noise_variance_ = squares_free_ / std::accumulate(redundancy.begin(), redundancy.end(), 0.0);
     jackknife_ = EstimateByJackknife(
         Free(), {.loss = Loss::kNone, .threads = options_.threads, .progress = [&](size_t, size_t) {
                    return !options_.progress || options_.progress("jackknife over the new frames");
@@ -213,11 +197,10 @@ class Check {
         Common(check_.fresh.uncertainty.param_std_errors[c], jackknife_.param_std_errors[c]);
     CameraCheck camera;
     camera.name = cameras_[c]->name;
-    camera.points = static_cast<int>(std::ranges::count_if(
-        Free().observations,
-        [&](const BundleObservation& o) { return o.used && o.camera == static_cast<int>(c); }));
-    camera.rms_free = Rms(Free(), c);
-    camera.rms_held = Rms(fixed, c);
+    const CameraFit free = MeasureFit(Free(), c, {});
+    camera.points = free.points;
+    camera.rms_free = free.rms;
+    camera.rms_held = MeasureFit(fixed, c, {}).rms;
     TestParameters(c, std::max(0.0, squares_fixed - squares_free_), common, &camera);
     if (c > 0) TestExtrinsics(c, fixed, common, &camera);
     return camera;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "assess/views/projection_jacobian.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
@@ -23,41 +24,11 @@ struct Sample {
   size_t distance = 0, part = 0;
   std::array<double, kMaxObservationSize> values{};
   Eigen::Vector3d p_a;
-  bool used = false;
 };
-
-// Where a camera sees a sample's point, less where a does.
-bool Project(const CalibratedCamera& camera,
-             const Sample& sample,
-             const RigidTransform& T_camera_a,
-             Eigen::VectorXd* difference,
-             Eigen::MatrixXd* J_params,
-             Eigen::MatrixXd* J_point) {
-  const auto rows = static_cast<Eigen::Index>(camera.model->measured.size());
-  const auto count = static_cast<Eigen::Index>(camera.params.size());
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  RowMajor by_params(rows, count), by_point(rows, 3);
-  difference->resize(rows);
-  const Eigen::Vector3d p = T_camera_a * sample.p_a;
-  if (!camera.model->project_with_jacobian(
-          camera.params.data(),
-          camera.config.data(),
-          sample.values.data(),
-          p,
-          {difference->data(), by_params.data(), by_point.data()})) {
-    return false;
-  }
-  for (Eigen::Index r = 0; r < rows; ++r) {
-    (*difference)[r] -= sample.values[static_cast<size_t>(r)];
-  }
-  *J_params = by_params;
-  *J_point = by_point;
-  return difference->allFinite();
-}
 
 std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>& distances) {
   std::vector<Sample> samples;
-  // Through a micro lens the place in its image says how far away a point is, so both count.
+  // Through a micro lens the position in its image depends on the depth, so both count.
   static constexpr std::array<std::array<double, 2>, 4> kOffsets{
       {{kLensOffset, 0}, {-kLensOffset, 0}, {0, kLensOffset}, {0, -kLensOffset}}};
   const size_t lenses = a.model->plenoptic ? kOffsets.size() : 1;
@@ -113,37 +84,33 @@ System Linearise(const CalibratedCamera& a,
                  const std::vector<double>& distances,
                  const RigidTransform& T_b_a,
                  double unit,
-                 std::vector<Sample>* samples) {
+                 const std::vector<Sample>& samples) {
   const auto rows = static_cast<Eigen::Index>(b.model->measured.size());
   const auto n_a = static_cast<Eigen::Index>(a.params.size());
   const auto n_b = static_cast<Eigen::Index>(b.params.size());
   System system;
-  const auto most = rows * static_cast<Eigen::Index>(samples->size());
+  const auto most = rows * static_cast<Eigen::Index>(samples.size());
   system.d.resize(most);
   system.H.resize(most, 6);
   system.G.resize(most, n_b + n_a);
   Eigen::Index at = 0;
-  for (size_t i = 0; i < samples->size(); ++i) {
-    Sample& sample = (*samples)[i];
-    Eigen::VectorXd difference;
-    Eigen::MatrixXd J_params, J_point;
-    sample.used = Project(b, sample, T_b_a, &difference, &J_params, &J_point);
-    if (!sample.used) continue;
-    // a sees the point in the same pixel when the point moves by dp: J_a,params da + J_a,point dp =
-    // 0.
-    Eigen::VectorXd unused;
-    Eigen::MatrixXd J_a_params, J_a_point;
-    if (!Project(a, sample, {}, &unused, &J_a_params, &J_a_point)) {
-      sample.used = false;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const Sample& sample = samples[i];
+    ProjectionJacobian of_b, of_a;
+    if (!Differentiate(b, sample.values.data(), T_b_a * sample.p_a, &of_b) ||
+        !Differentiate(a, sample.values.data(), sample.p_a, &of_a)) {
       continue;
     }
-    const Eigen::MatrixXd dp = -(PseudoInverse(J_a_point) * J_a_params);
-    system.d.segment(at, rows) = difference;
+    system.d.segment(at, rows) =
+        of_b.predicted - Eigen::Map<const Eigen::VectorXd>(sample.values.data(), rows);
+    // a images the point in the same pixel when the point moves by dp: J_a,params da + J_a,point dp
+    // = 0.
+    const Eigen::MatrixXd dp = -(PseudoInverse(Eigen::MatrixXd(of_a.by_point)) * of_a.by_params);
     // No translation changes what is infinitely far away.
     const double unit_here = std::isfinite(distances[sample.distance]) ? unit : 0;
-    system.H.middleRows(at, rows) = PoseColumns(J_point, T_b_a, sample.p_a, unit_here);
-    system.G.block(at, 0, rows, n_b) = J_params;
-    system.G.block(at, n_b, rows, n_a) = J_point * T_b_a.R * dp;
+    system.H.middleRows(at, rows) = PoseColumns(of_b.by_point, T_b_a, sample.p_a, unit_here);
+    system.G.block(at, 0, rows, n_b) = of_b.by_params;
+    system.G.block(at, n_b, rows, n_a) = of_b.by_point * T_b_a.R * dp;
     system.of.push_back(i);
     at += rows;
   }
@@ -173,7 +140,7 @@ Eigen::VectorXd Weights(const System& system, const Eigen::MatrixXd& root, Eigen
   return weights;
 }
 
-// The motion that makes up best for differences in pixels, by columns.
+// The motion that compensates differences in pixels best, by columns.
 Eigen::MatrixXd MotionFor(const System& system,
                           const Eigen::VectorXd& weights,
                           const Eigen::MatrixXd& differences) {
@@ -282,7 +249,7 @@ class Comparison {
   }
 
  private:
-  System LineariseHere() { return Linearise(a_, b_, distances_, result_.T_b_a, unit_, &samples_); }
+  System LineariseHere() { return Linearise(a_, b_, distances_, result_.T_b_a, unit_, samples_); }
 
   // Gauss-Newton for the implied motion. Where nothing determines the translation (all is far away)
   // the shortest step leaves it alone.
@@ -330,7 +297,7 @@ class Comparison {
   const CalibratedCamera& a_;
   const CalibratedCamera& b_;
   const std::vector<double>& distances_;
-  std::vector<Sample> samples_;
+  const std::vector<Sample> samples_;
   Eigen::Index rows_;     // of one sample
   double unit_ = 1;       // of translations, m
   Eigen::MatrixXd root_;  // of the covariance of b's parameters, then a's; empty: not known

@@ -15,7 +15,7 @@
 namespace plenocal {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kDegreesPerRad = 180 / std::numbers::pi;
 // Without the few farthest out, which may be mistakes.
 constexpr double kTail = 0.01;
 
@@ -72,8 +72,8 @@ void MeasureTilt(const CalibrationRecord& calibration,
   for (const Eigen::Vector3d& a : turned) {
     for (const Eigen::Vector3d& b : turned) least_cosine = std::min(least_cosine, a.dot(b));
   }
-  spread->tilt = kDegrees * std::acos(std::max(least_cosine, -1.0));
-  spread->lean = kDegrees * std::acos(std::clamp(sum.normalized().z(), -1.0, 1.0));
+  spread->tilt = kDegreesPerRad * std::acos(std::max(least_cosine, -1.0));
+  spread->lean = kDegreesPerRad * std::acos(std::clamp(sum.normalized().z(), -1.0, 1.0));
 }
 
 void FindEmptyParts(const ImageGrid& grid, const std::vector<bool>& seen, PoseSpread* spread) {
@@ -113,7 +113,7 @@ std::string PoseSpread::Region() const {
 
 double PoseSpread::Margin() const { return std::max({left, 1 - right, top, 1 - bottom}); }
 
-PoseSpread SpreadOf(const CalibrationRecord& calibration, size_t c) {
+PoseSpread MeasurePoseSpread(const CalibrationRecord& calibration, size_t c) {
   const CalibratedCamera& camera = calibration.cameras[c];
   std::vector<double> x, y;
   ByFrame distances, depths;

@@ -27,6 +27,6 @@ struct PoseSpread {
   [[nodiscard]] double Margin() const;
 };
 
-PoseSpread SpreadOf(const CalibrationRecord& calibration, size_t camera);
+PoseSpread MeasurePoseSpread(const CalibrationRecord& calibration, size_t camera);
 
 }  // namespace plenocal

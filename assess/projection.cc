@@ -4,33 +4,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
-#include <optional>
 #include <vector>
 
 #include "assess/compare.h"
+#include "assess/views/rig_estimate.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/describe.h"
 
 namespace plenocal {
 namespace {
-
-// Distances of a camera's points from it, m, in ascending order.
-std::vector<double> PointDistances(const Bundle& bundle, size_t camera) {
-  std::vector<double> distances;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (observation.camera != static_cast<int>(camera) || !observation.used) continue;
-    const RigidTransform T_camera_target =
-        bundle.cameras[camera].T_camera_rig *
-        bundle.SeenPose(static_cast<size_t>(observation.frame), camera);
-    distances.push_back(
-        (T_camera_target * bundle.markers[static_cast<size_t>(observation.marker)].position)
-            .norm());
-  }
-  std::ranges::sort(distances);
-  return distances;
-}
 
 // The cells of the compared grid that have points of a camera, with gaps of a cell or two between
 // them closed. Beyond the outermost points a rich model extrapolates.
@@ -90,74 +75,67 @@ std::vector<double> SupportedDistances(const Bundle& bundle, size_t camera) {
   return {sorted[sorted.size() / 10], sorted[sorted.size() - 1 - sorted.size() / 10]};
 }
 
-// Of two cameras, one of which may be far from any lens, so that they have no pixel in common.
-std::optional<CameraDifference> TryToCompare(const CalibratedCamera& a,
-                                             const CalibratedCamera& b,
-                                             const std::vector<double>& distances) {
-  try {
-    return CompareCameras(a, b, distances);
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
-// Mean over the pixels that points of a camera of `bundle` support.
+// Mean square over the pixels that points of a camera of `bundle` support; infinite where one of
+// the two cameras is so far from any lens that they have no pixel in common.
 double MeanSquare(const CalibratedCamera& a,
                   const CalibratedCamera& b,
                   const Bundle& bundle,
                   size_t camera,
                   double (*length)(const PixelDifference&)) {
-  const auto difference = TryToCompare(a, b, SupportedDistances(bundle, camera));
-  if (!difference) return std::numeric_limits<double>::infinity();
   const Support support(bundle, camera);
   double sum = 0, count = 0;
-  for (const DistanceDifference& at : difference->distances) {
-    for (const PixelDifference& pixel : at.pixels) {
-      if (!support.Has(pixel.u_px)) continue;
-      sum += length(pixel) * length(pixel);
-      ++count;
+  try {
+    for (const DistanceDifference& at :
+         CompareCameras(a, b, SupportedDistances(bundle, camera)).distances) {
+      for (const PixelDifference& pixel : at.pixels) {
+        if (!support.Has(pixel.u_px)) continue;
+        sum += length(pixel) * length(pixel);
+        ++count;
+      }
     }
+  } catch (const Error&) {
   }
   return count > 0 ? sum / count : std::numeric_limits<double>::infinity();
+}
+
+// Root of the mean of `square` over the cameras.
+double RmsOver(std::span<const size_t> cameras, const std::function<double(size_t)>& square) {
+  double sum = 0;
+  for (const size_t c : cameras) sum += square(c);
+  return std::sqrt(sum / static_cast<double>(cameras.size()));
 }
 
 }  // namespace
 
 double TypicalImageSigma(const Calibration& calibration, std::span<const size_t> cameras) {
-  double squares = 0;
-  for (const size_t c : cameras) {
+  return RmsOver(cameras, [&](size_t c) {
     const double sigma =
         ImageSigma(DescribeCamera(calibration, c), {Median(PointDistances(calibration.bundle, c))});
-    squares += sigma * sigma;
-  }
-  return std::sqrt(squares / static_cast<double>(cameras.size()));
+    return sigma * sigma;
+  });
 }
 
 double SupportedSigma(const Calibration& calibration, std::span<const size_t> cameras) {
-  double squares = 0;
-  for (const size_t c : cameras) {
+  return RmsOver(cameras, [&](size_t c) {
     const CalibratedCamera camera = DescribeCamera(calibration, c);
     if (!camera.covariance.allFinite()) return std::numeric_limits<double>::infinity();
     CalibratedCamera exact = camera;
     exact.covariance.setZero();
-    squares += MeanSquare(camera, exact, calibration.bundle, c, [](const PixelDifference& pixel) {
+    return MeanSquare(camera, exact, calibration.bundle, c, [](const PixelDifference& pixel) {
       return pixel.predicted_px;
     });
-  }
-  return std::sqrt(squares / static_cast<double>(cameras.size()));
+  });
 }
 
 double SupportedDifference(const Calibration& a,
                            const Calibration& b,
                            std::span<const size_t> cameras) {
-  double squares = 0;
-  for (const size_t c : cameras) {
-    squares += MeanSquare(
+  return RmsOver(cameras, [&](size_t c) {
+    return MeanSquare(
         DescribeCamera(a, c), DescribeCamera(b, c), a.bundle, c, [](const PixelDifference& pixel) {
           return pixel.difference_px.norm();
         });
-  }
-  return std::sqrt(squares / static_cast<double>(cameras.size()));
+  });
 }
 
 ImageCovariance::ImageCovariance(const CalibratedCamera& camera) : finite_(camera.covariance) {

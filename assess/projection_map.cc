@@ -7,34 +7,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assess/views/projection_jacobian.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
 namespace {
-
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// Derivatives of one projection.
-struct Projected {
-  RowMatrix by_params;
-  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
-};
-
-// False where there is none.
-bool Differentiate(const CalibratedCamera& camera,
-                   const double* values,
-                   const Eigen::Vector3d& p_cam,
-                   Projected* out) {
-  out->by_params.resize(2, static_cast<Eigen::Index>(camera.params.size()));
-  double predicted[kMaxObservationSize];
-  return camera.model->project_with_jacobian(
-             camera.params.data(),
-             camera.config.data(),
-             values,
-             p_cam,
-             {predicted, out->by_params.data(), out->by_point.data()}) &&
-         out->by_params.allFinite() && out->by_point.allFinite();
-}
 
 // Calls use(row, point in the camera's frame) for each used observation of a camera.
 template <typename Use>
@@ -76,7 +53,7 @@ std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
   return values;
 }
 
-double WorstSigma(const RowMatrix& J, const Eigen::MatrixXd& covariance) {
+double WorstSigma(const Eigen::MatrixXd& J, const Eigen::MatrixXd& covariance) {
   const Eigen::Matrix2d spread = J * covariance * J.transpose();
   const double greatest = (spread(0, 0) + spread(1, 1)) / 2 +
                           std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(1, 0));
@@ -100,18 +77,18 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   const auto cell_values = CellValues(camera, grid);
 
   std::vector<ProjectionMap> maps;
-  std::vector<std::vector<std::optional<Projected>>> projected;
+  std::vector<std::vector<std::optional<ProjectionJacobian>>> projected;
   std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
   const Eigen::Index count = static_cast<Eigen::Index>(camera.params.size());
-  const auto by_frame = [](const Projected& seen, const Eigen::Vector3d& p) {
+  const auto by_frame = [](const ProjectionJacobian& seen, const Eigen::Vector3d& p) {
     Eigen::Matrix<double, 3, 6> moved;
     moved << Eigen::Matrix3d::Identity(), -Hat(p);
-    return Eigen::Matrix<double, 2, 6>(seen.by_point * moved);
+    return Eigen::Matrix<double, 2, 6>(seen.by_point.topRows<2>() * moved);
   };
   // The observed points fix the camera frame.
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
-  Projected seen;
+  ProjectionJacobian seen;
   ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
     if (!Differentiate(camera, row.values.data(), p, &seen)) return;
     const Eigen::Matrix<double, 2, 6> J = by_frame(seen, p);
@@ -138,7 +115,7 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   for (size_t m = 0; m < maps.size(); ++m) {
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
       if (!projected[m][cell]) continue;
-      const RowMatrix J = projected[m][cell]->by_params - by_motion[m][cell] * follow;
+      const Eigen::MatrixXd J = projected[m][cell]->by_params - by_motion[m][cell] * follow;
       maps[m].sigma[cell] = WorstSigma(J, camera.covariance);
     }
   }
@@ -157,7 +134,7 @@ std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calib
   std::erase_if(seen, [](const auto& item) { return item.second.size() < 2; });
   const size_t step = std::max<size_t>(1, (seen.size() + most - 1) / std::max<size_t>(most, 1));
   std::vector<DistancePrecision> precisions;
-  Projected projected;
+  ProjectionJacobian projected;
   size_t index = 0;
   for (const auto& [key, rows] : seen) {
     if (index++ % step != 0) continue;
@@ -170,8 +147,8 @@ std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calib
       if (!Differentiate(camera, row->values.data(), p, &projected)) continue;
       const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
       if (!(sigma > 0)) continue;
-      const Eigen::Matrix<double, 3, 2> weighted = projected.by_point.transpose() / (sigma * sigma);
-      normal += weighted * projected.by_point;
+      const Eigen::Matrix<double, 3, 2> weighted = projected.by_point.topRows<2>().transpose() / (sigma * sigma);
+      normal += weighted * projected.by_point.topRows<2>();
       mixed += weighted * projected.by_params;
     }
     const Eigen::FullPivLU<Eigen::Matrix3d> factor(normal);

@@ -26,7 +26,7 @@ Eigen::Vector2d ImageGrid::Middle(size_t cell) const {
   return {(column + 0.5) * width_ / columns_ - 0.5, (row + 0.5) * height_ / rows_ - 0.5};
 }
 
-ResidualField FieldOf(const CalibratedCamera& camera) {
+ResidualField MakeResidualField(const CalibratedCamera& camera) {
   constexpr int kCells = 20;
   ResidualField field{.grid = {camera.image_size, kCells},
                       .points = {},

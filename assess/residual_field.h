@@ -41,6 +41,6 @@ struct ResidualField {
   [[nodiscard]] double Pattern() const;
 };
 
-ResidualField FieldOf(const CalibratedCamera& camera);
+ResidualField MakeResidualField(const CalibratedCamera& camera);
 
 }  // namespace plenocal

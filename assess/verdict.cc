@@ -5,10 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
-#include <span>
 
 #include "assess/pose_spread.h"
 #include "assess/projection_map.h"
@@ -48,74 +45,6 @@ constexpr double kRejected = 0.05;  // part of the points
 
 std::string Length(double metres) {
   return metres < 1 ? fmt::format("{:.3g} mm", 1e3 * metres) : fmt::format("{:.3g} m", metres);
-}
-
-// Findings that explain bad figures: each takes the grade of the worst consequence in its cameras.
-constexpr std::array<std::string_view, 17> kCauses{"model_misfit",
-                                                   "strong_distortion_pinhole",
-                                                   "images_mirrored",
-                                                   "images_rotated",
-                                                   "one_pose",
-                                                   "one_distance",
-                                                   "no_tilt",
-                                                   "frames_misaligned",
-                                                   "not_synchronous",
-                                                   "rig_not_rigid",
-                                                   "focus_changed",
-                                                   "rolling_shutter",
-                                                   "scene_no_scale",
-                                                   "scene_one_depth",
-                                                   "scene_no_turning",
-                                                   "scene_no_parallax",
-                                                   "few_images"};
-
-bool IsCause(const Finding& finding) {
-  return finding.grade != Grade::kGood &&
-         (finding.code.starts_with("target_") ||
-          std::ranges::find(kCauses, finding.code) != kCauses.end());
-}
-
-// Defects of single images or points, which robust adjustment leaves out or which change standard
-// errors alone. They explain no figure, but say what to do.
-constexpr std::array<std::string_view, 4> kDefects{
-    "duplicate_images", "frame_outlier", "marker_outlier", "border_points"};
-
-// Images whose points are worse than others: they explain what is worse for noise, and it alone.
-constexpr std::array<std::string_view, 3> kImageDefects{
-    "blurred_images", "saturated_images", "few_pixels"};
-constexpr std::array<std::string_view, 4> kByNoise{
-    "projection", "noise_excess", "many_outliers", "frame_outlier"};
-
-bool IsImageDefect(const Finding& finding) {
-  return std::ranges::find(kImageDefects, finding.code) != kImageDefects.end();
-}
-
-bool CanExplain(const Finding& cause, const Finding& other) {
-  if (IsCause(other) || IsImageDefect(other)) return false;
-  return IsImageDefect(cause) ? std::ranges::find(kByNoise, other.code) != kByNoise.end()
-                              : IsCause(cause);
-}
-
-bool HasOneOf(const std::vector<Finding>& findings, std::span<const std::string_view> codes) {
-  return std::ranges::any_of(findings, [&](const Finding& finding) {
-    return finding.grade != Grade::kGood && std::ranges::find(codes, finding.code) != codes.end();
-  });
-}
-
-// Moves causes in front of their consequences and of what is no cause; the order stays otherwise.
-void SortFindings(std::vector<Finding>* findings) {
-  constexpr std::array<std::string_view, 3> kOpenPoses{"one_pose", "one_distance", "no_tilt"};
-  // Poses that the images leave undetermined disagree between the cameras of a rig as well.
-  const bool open_poses = HasOneOf(*findings, kOpenPoses);
-  const auto rank = [&](const Finding& finding) {
-    const bool of_poses = finding.code == "not_synchronous" || finding.code == "rig_not_rigid";
-    if (IsCause(finding) && !(open_poses && of_poses)) return 3;
-    if (IsImageDefect(finding)) return 2;
-    return std::ranges::find(kDefects, finding.code) != kDefects.end() ? 1 : 0;
-  };
-  std::ranges::stable_sort(*findings, [&](const Finding& a, const Finding& b) {
-    return std::pair(a.grade, rank(a)) > std::pair(b.grade, rank(b));
-  });
 }
 
 bool ShareACamera(const Finding& a, const Finding& b) {
@@ -194,7 +123,8 @@ struct Projection {
 
 class Judgement {
  public:
-  explicit Judgement(const CalibrationRecord& calibration) : calibration_(calibration) {}
+  Judgement(const CalibrationRecord& calibration, std::span<const FindingCode> causes)
+      : calibration_(calibration), causes_(causes) {}
 
   Verdict Make() {
     verdict_.findings = calibration_.findings;
@@ -208,13 +138,19 @@ class Judgement {
     JudgeConvergence();
     MergeCameras();
     RaiseCauses();
-    SortFindings(&verdict_.findings);
+    SortFindings();
     if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
     return std::move(verdict_);
   }
 
  private:
   void Add(Finding finding) { verdict_.findings.push_back(std::move(finding)); }
+
+  void AddTo(const CalibratedCamera& camera, Finding finding) {
+    finding.cameras = {camera.name};
+    finding.what.insert(0, camera.name + ": ");
+    Add(std::move(finding));
+  }
 
   // After undetermined parameters, along which the adjustment moves without end.
   void JudgeConvergence() {
@@ -272,7 +208,7 @@ class Judgement {
                  : weak.remedy});
   }
 
-  // What a camera is worth in use: the uncertainty of its projection.
+  // Accuracy of a camera in use: the uncertainty of its projection.
   Projection JudgeProjection(size_t c) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
@@ -282,58 +218,55 @@ class Judgement {
     const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
                         : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
                                                                            : Grade::kGood;
-    Add({.code = "projection",
-         .grade = grade,
-         .cameras = {camera.name},
-         .value = grade == Grade::kBad ? here.half : here.most,
-         .limit = grade == Grade::kBad ? kWholePixelError : limit,
-         .what = fmt::format(
-             "{}: standard error of the projection at {}: {} in the middle, {} in the corners, "
-             "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
-             "{:.0f})); at {}: {:.2g} px.",
-             camera.name,
-             Length(here.distance),
-             PixelsText(here.centre),
-             PixelsText(here.corners),
-             here.most,
-             100 * kMostOfImage,
-             here.worst,
-             here.where.x(),
-             here.where.y(),
-             Length(far.distance),
-             far.most),
-         .remedy =
-             grade == Grade::kGood ? ""
-             : calibration_.HasScene()
-                 ? "Add frames, and points where it is largest and at other distances."
-                 : "Add images with the target where it is largest, and from other distances."});
+    AddTo(camera,
+          {.code = "projection",
+           .grade = grade,
+           .value = grade == Grade::kBad ? here.half : here.most,
+           .limit = grade == Grade::kBad ? kWholePixelError : limit,
+           .what = fmt::format(
+               "standard error of the projection at {}: {} in the middle, {} in the corners, "
+               "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
+               "{:.0f})); at {}: {:.2g} px.",
+               Length(here.distance),
+               PixelsText(here.centre),
+               PixelsText(here.corners),
+               here.most,
+               100 * kMostOfImage,
+               here.worst,
+               here.where.x(),
+               here.where.y(),
+               Length(far.distance),
+               far.most),
+           .remedy =
+               grade == Grade::kGood ? ""
+               : calibration_.HasScene()
+                   ? "Add frames, and points where it is largest and at other distances."
+                   : "Add images with the target where it is largest, and from other distances."});
     return {.grade = grade, .knows_corners = here.corners <= limit};
   }
 
   void JudgePoses(size_t c, const Projection& projection) {
     const CalibratedCamera& camera = calibration_.cameras[c];
-    const PoseSpread spread = SpreadOf(calibration_, c);
+    const PoseSpread spread = MeasurePoseSpread(calibration_, c);
     if (!spread.any) {
       if (camera.residuals.empty() && camera.fit.points > 0) return;  // the tables are not at hand
-      Add({.code = "no_points",
-           .grade = Grade::kBad,
-           .cameras = {camera.name},
-           .what = camera.name + ": no point of this camera was used."});
+      AddTo(
+          camera,
+          {.code = "no_points", .grade = Grade::kBad, .what = "no point of this camera was used."});
       return;
     }
     if (camera.fit.views < kViewsUsable) {
       const bool bad = camera.fit.views < kViewsBad && spread.is_plane;
-      Add({.code = "few_images",
-           .grade = bad ? Grade::kBad : Grade::kUsable,
-           .cameras = {camera.name},
-           .value = camera.fit.views,
-           .limit = bad ? kViewsBad : kViewsUsable,
-           .what = fmt::format("{}: only {} image{}{}.",
-                               camera.name,
-                               camera.fit.views,
-                               camera.fit.views == 1 ? "" : "s",
-                               calibration_.HasScene() ? "" : " with the target"),
-           .remedy = "Take twenty or more, each from another position."});
+      AddTo(camera,
+            {.code = "few_images",
+             .grade = bad ? Grade::kBad : Grade::kUsable,
+             .value = camera.fit.views,
+             .limit = bad ? kViewsBad : kViewsUsable,
+             .what = fmt::format("only {} image{}{}.",
+                                 camera.fit.views,
+                                 camera.fit.views == 1 ? "" : "s",
+                                 calibration_.HasScene() ? "" : " with the target"),
+             .remedy = "Take twenty or more, each from another position."});
     }
     JudgeSupport(camera, spread, projection);
     if (calibration_.HasScene()) return;  // its depths and the path have findings of their own
@@ -349,30 +282,27 @@ class Judgement {
     if (!little && spread.Margin() < kMargin) return;
     const bool bad = spread.coverage < kCoverageBad;
     if (!bad && projection.knows_corners) return;
-    Add({.code = little ? "coverage" : "coverage_margin",
-         .grade = bad ? Grade::kBad : Grade::kUsable,
-         .cameras = {camera.name},
-         .value = little ? spread.coverage : spread.Margin(),
-         .limit = bad      ? kCoverageBad
-                  : little ? kCoverageUsable
-                           : kMargin,
-         .what = !little ? fmt::format("{}: no points in a margin of {:.0f} % of the image.",
-                                       camera.name,
-                                       100 * spread.Margin())
-                 : region.empty()
-                     ? fmt::format("{}: the points cover only {:.0f} % of the image{}{}.",
-                                   camera.name,
-                                   100 * spread.coverage,
-                                   spread.empty.empty() ? "" : "; none in: ",
-                                   fmt::join(spread.empty, ", "))
-                     : fmt::format("{}: points only in {} of the image; they cover {:.0f} % of it.",
-                                   camera.name,
-                                   region,
-                                   100 * spread.coverage),
-         .remedy =
-             fmt::format("Elsewhere the distortion is extrapolated. Take images with {} in the "
-                         "other parts of the image, its edges and corners above all.",
-                         calibration_.HasScene() ? "points" : "the target")});
+    AddTo(camera,
+          {.code = little ? "coverage" : "coverage_margin",
+           .grade = bad ? Grade::kBad : Grade::kUsable,
+           .value = little ? spread.coverage : spread.Margin(),
+           .limit = bad      ? kCoverageBad
+                    : little ? kCoverageUsable
+                             : kMargin,
+           .what = !little ? fmt::format("no points in a margin of {:.0f} % of the image.",
+                                         100 * spread.Margin())
+                   : region.empty()
+                       ? fmt::format("the points cover only {:.0f} % of the image{}{}.",
+                                     100 * spread.coverage,
+                                     spread.empty.empty() ? "" : "; none in: ",
+                                     fmt::join(spread.empty, ", "))
+                       : fmt::format("points only in {} of the image; they cover {:.0f} % of it.",
+                                     region,
+                                     100 * spread.coverage),
+           .remedy =
+               fmt::format("Elsewhere the distortion is extrapolated. Take images with {} in the "
+                           "other parts of the image, its edges and corners above all.",
+                           calibration_.HasScene() ? "points" : "the target")});
   }
 
   // A 3D target shows depth and tilt in a single image, and what a plane lacks does no harm where
@@ -387,14 +317,14 @@ class Judgement {
     const double span = spread.farthest / spread.nearest;
     if (span >= kDepthWeak) return;
     const bool one = span < kDepthOne;
-    Add({.code = one ? "one_distance" : "few_distances",
+    AddTo(
+        camera,
+        {.code = one ? "one_distance" : "few_distances",
          .grade = GradeOf(spread, projection),
-         .cameras = {camera.name},
          .value = span,
          .limit = one ? kDepthOne : kDepthWeak,
          .what =
-             fmt::format("{}: {} ({} to {}).{}",
-                         camera.name,
+             fmt::format("{} ({} to {}).{}",
                          one ? "all images are from one distance" : "the distances hardly differ",
                          Length(spread.nearest),
                          Length(spread.farthest),
@@ -406,13 +336,13 @@ class Judgement {
   void JudgeTilt(const CalibratedCamera& camera, const PoseSpread& spread, Grade projection) {
     if (spread.tilt >= kTiltWeak) return;
     const bool none = spread.tilt < kTiltNone;
-    Add({.code = none ? "no_tilt" : "little_tilt",
+    AddTo(
+        camera,
+        {.code = none ? "no_tilt" : "little_tilt",
          .grade = GradeOf(spread, projection),
-         .cameras = {camera.name},
          .value = spread.tilt,
          .limit = none ? kTiltNone : kTiltWeak,
-         .what = fmt::format("{}: {} (by at most {:.0f} degrees between two images{}).{}",
-                             camera.name,
+         .what = fmt::format("{} (by at most {:.0f} degrees between two images{}).{}",
                              none ? "the target was not tilted" : "the target was hardly tilted",
                              spread.tilt,
                              !spread.is_plane          ? ""
@@ -436,34 +366,32 @@ class Judgement {
       const Grade grade = excess > bad      ? Grade::kBad
                           : excess > usable ? Grade::kUsable
                                             : Grade::kGood;
-      Add({.code = "noise_excess",
-           .grade = grade,
-           .cameras = {camera.name},
-           .value = excess,
-           .limit = grade == Grade::kBad ? bad : usable,
-           .what = stated ? fmt::format("{}: the residuals ({:.3g} px per coordinate) are {:.1f} "
-                                        "times the noise that the detector states ({:.3g} px).",
-                                        camera.name,
-                                        fit.noise_sigma,
-                                        fit.noise_sigma / fit.detector_sigma,
-                                        fit.detector_sigma)
-                          : fmt::format("{}: the residuals are large, {:.3g} px per coordinate.",
-                                        camera.name,
-                                        fit.noise_sigma),
-           .remedy =
-               "The excess is an error of the camera model, of the target or motion: try a "
-               "model with more distortion terms ('plenocal try'), 'refine_target', a flatter "
-               "target, a still camera."});
+      AddTo(camera,
+            {.code = "noise_excess",
+             .grade = grade,
+             .value = excess,
+             .limit = grade == Grade::kBad ? bad : usable,
+             .what = stated ? fmt::format("the residuals ({:.3g} px per coordinate) are {:.1f} "
+                                          "times the noise that the detector states ({:.3g} px).",
+                                          fit.noise_sigma,
+                                          fit.noise_sigma / fit.detector_sigma,
+                                          fit.detector_sigma)
+                            : fmt::format("the residuals are large, {:.3g} px per coordinate.",
+                                          fit.noise_sigma),
+             .remedy =
+                 "The excess is an error of the camera model, of the target or motion: try a "
+                 "model with more distortion terms ('plenocal try'), 'refine_target', a flatter "
+                 "target, a still camera."});
     }
     const int all = fit.points + fit.rejected;
     if (fit.rejected <= kRejected * all) return;
-    Add({.code = "many_outliers",
+    AddTo(
+        camera,
+        {.code = "many_outliers",
          .grade = Grade::kUsable,
-         .cameras = {camera.name},
          .value = static_cast<double>(fit.rejected) / all,
          .limit = kRejected,
-         .what = fmt::format("{}: {} of {} points were rejected as outliers ({:.0f} %).",
-                             camera.name,
+         .what = fmt::format("{} of {} points were rejected as outliers ({:.0f} %).",
                              fit.rejected,
                              all,
                              100.0 * fit.rejected / all),
@@ -472,24 +400,23 @@ class Judgement {
 
   // Mean residuals in cells of the image, beyond their noise: what the model gets wrong there.
   void JudgePattern(const CalibratedCamera& camera) {
-    const double pattern = FieldOf(camera).Pattern();
+    const double pattern = MakeResidualField(camera).Pattern();
     if (!IsPattern(camera, pattern)) return;
     const Grade grade = pattern > kPoint             ? Grade::kBad
                         : pattern > kExactProjection ? Grade::kUsable
                                                      : Grade::kGood;
-    Add({.code = "residual_pattern",
-         .grade = grade,
-         .cameras = {camera.name},
-         .value = pattern,
-         .limit = grade == Grade::kBad ? kPoint : kExactProjection,
-         .what = fmt::format("{}: the residuals have a pattern over the image of {:.3g} px ({:.0f} "
-                             "% of the noise){}.",
-                             camera.name,
-                             pattern,
-                             100 * pattern / camera.fit.noise_sigma,
-                             grade == Grade::kGood ? "; it is small in use" : ""),
-         .remedy = "The camera model does not quite fit this lens; try one with more distortion "
-                   "terms ('plenocal try')."});
+    AddTo(camera,
+          {.code = "residual_pattern",
+           .grade = grade,
+           .value = pattern,
+           .limit = grade == Grade::kBad ? kPoint : kExactProjection,
+           .what = fmt::format("the residuals have a pattern over the image of {:.3g} px ({:.0f} "
+                               "% of the noise){}.",
+                               pattern,
+                               100 * pattern / camera.fit.noise_sigma,
+                               grade == Grade::kGood ? "; it is small in use" : ""),
+           .remedy = "The camera model does not quite fit this lens; try one with more distortion "
+                     "terms ('plenocal try')."});
   }
 
   // The same finding of several cameras is one: their texts follow each other.
@@ -517,6 +444,37 @@ class Judgement {
     verdict_.findings = std::move(merged);
   }
 
+  [[nodiscard]] FindingRole RoleOf(const Finding& finding) const {
+    return FindCode(finding.code, causes_).role;
+  }
+
+  [[nodiscard]] bool IsCause(const Finding& finding) const {
+    return finding.grade != Grade::kGood && RoleOf(finding) >= FindingRole::kCause;
+  }
+
+  [[nodiscard]] bool CanExplain(const Finding& cause, const Finding& other) const {
+    if (IsCause(other) || RoleOf(other) == FindingRole::kImageDefect) return false;
+    return RoleOf(cause) == FindingRole::kImageDefect
+               ? FindCode(other.code, causes_).follows_from_noise
+               : IsCause(cause);
+  }
+
+  // Moves causes in front of their consequences and of what is no cause; the order stays otherwise.
+  void SortFindings() {
+    // Poses that the images leave undetermined disagree between the cameras of a rig as well.
+    const bool open_poses = std::ranges::any_of(verdict_.findings, [&](const Finding& finding) {
+      return IsCause(finding) && RoleOf(finding) == FindingRole::kOpenPoses;
+    });
+    const auto rank = [&](const Finding& finding) {
+      const FindingRole role = RoleOf(finding);
+      if (IsCause(finding) && !(open_poses && role == FindingRole::kRigCause)) return 3;
+      return role == FindingRole::kImageDefect ? 2 : role == FindingRole::kOutlier ? 1 : 0;
+    };
+    std::ranges::stable_sort(verdict_.findings, [&](const Finding& a, const Finding& b) {
+      return std::pair(a.grade, rank(a)) > std::pair(b.grade, rank(b));
+    });
+  }
+
   void RaiseCauses() {
     for (Finding& cause : verdict_.findings) {
       for (const Finding& other : verdict_.findings) {
@@ -530,6 +488,7 @@ class Judgement {
   static constexpr const char* kMakesUp = " The target's own depth has to compensate for it.";
 
   const CalibrationRecord& calibration_;
+  std::span<const FindingCode> causes_;
   std::vector<Projection> projections_;  // by camera
   Verdict verdict_;
 };
@@ -537,12 +496,14 @@ class Judgement {
 }  // namespace
 
 bool HasUnexplainedResiduals(const CalibratedCamera& camera) {
-  const double pattern = FieldOf(camera).Pattern();
+  const double pattern = MakeResidualField(camera).Pattern();
   return (IsNoiseLarge(camera.fit) && ExcessOf(camera.fit) > kExactProjection) ||
          (IsPattern(camera, pattern) && pattern > kExactProjection);
 }
 
-Verdict Judge(const CalibrationRecord& calibration) { return Judgement(calibration).Make(); }
+Verdict Judge(const CalibrationRecord& calibration, std::span<const FindingCode> causes) {
+  return Judgement(calibration, causes).Make();
+}
 
 std::string Headline(const Verdict& verdict) {
   switch (verdict.grade) {
@@ -568,7 +529,7 @@ std::string VerdictText(const Verdict& verdict) {
   std::string text;
   // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
   for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
-    // What is good and needs no action stands in the report, but for what the calibration is worth.
+    // Good findings that need no action stand in the report, but for the accuracy.
     if (finding->grade == Grade::kGood && finding->code != "projection" &&
         finding->code != "points_share_errors") {
       continue;

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "assess/causes/diagnose.h"
-#include "assess/target/target_causes.h"
 #include "assess/verdict.h"
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"

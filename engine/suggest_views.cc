@@ -15,8 +15,8 @@
 #include "engine/session/earlier_session.h"
 #include "engine/session/open_session.h"
 #include "engine/session/session_targets.h"
-#include "engine/suggest/calibrated_rig.h"
-#include "engine/suggest/first_rig.h"
+#include "engine/suggest/first_rig_estimate.h"
+#include "engine/suggest/read_rig_estimate.h"
 #include "engine/suggest/view_target.h"
 
 namespace plenocal {
@@ -54,15 +54,15 @@ SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
   const MarkerFreedom marker_freedom =
       calibration.adjustment.value_or(AdjustmentRecord{}).marker_freedom;
   return {
-      FirstRig(cameras, target.markers, marker_freedom), ViewTargetOf(target), calibration.verdict};
+      MakeFirstRigEstimate(cameras, target.markers, marker_freedom), MakeViewTarget(target), calibration.verdict};
 }
 
 SuggestedViews BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
   const CalibrationRecord calibration = ReadTargetCalibration(folder);
   const Target target = ReadTarget(folder / "target.yaml");
   if (angle_deg > 0) return BasisOfImages(calibration, target, angle_deg);
-  ViewTarget shape = ViewTargetOf(target);
-  RigKnowledge rig = KnowledgeOf(folder, calibration, shape);
+  ViewTarget shape = MakeViewTarget(target);
+  RigEstimate rig = MakeRigEstimate(folder, calibration, shape);
   return {std::move(rig), std::move(shape), calibration.verdict};
 }
 
@@ -106,7 +106,7 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
                             return run.Progress(stage);
                           }});
     CalibrationRecord record = Describe(calibration);
-    SuggestedViews basis{KnowledgeOf(record), ViewTargetOf(target), Judge(record)};
+    SuggestedViews basis{MakeRigEstimate(record), MakeViewTarget(target), Judge(record)};
     SetFactors(record, basis.shape, &basis.rig);
     for (const CameraInput& camera : input.cameras) {
       if (!camera.model->plenoptic) continue;
@@ -128,10 +128,10 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
     run.Message(
         fmt::format("{}; a lens of {:.0f} degrees is assumed", error.what(), request.angle));
   }
-  return {FirstRig(FirstCameras(session, observations.cameras, request),
+  return {MakeFirstRigEstimate(FirstCameras(session, observations.cameras, request),
                    target.markers,
                    input.marker_freedom),
-          ViewTargetOf(target),
+          MakeViewTarget(target),
           std::nullopt};
 }
 
@@ -145,13 +145,13 @@ SuggestedViews BasisOfLens(const SuggestRequest& request) {
   const bool is_file = std::filesystem::exists(request.target);
   const Target target =
       is_file ? ReadTarget(std::filesystem::path(request.target)) : TargetOfWord(request.target);
-  return {FirstRig({{.name = "camera",
+  return {MakeFirstRigEstimate({{.name = "camera",
                      .model = ModelNamed("--model", request.model),
                      .image_size = *request.size,
                      .angle = Radians(request.angle)}},
                    target.markers,
                    MarkerFreedom::Rigid()),
-          ViewTargetOf(target),
+          MakeViewTarget(target),
           std::nullopt};
 }
 
@@ -184,9 +184,9 @@ SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
   return suggested;
 }
 
-PictureWorth WeighPictures(const std::filesystem::path& calibration,
-                           const std::map<std::string, FrameImage>& pictures,
-                           const Run& run) {
+PictureGain EvaluatePictures(const std::filesystem::path& calibration,
+                             const std::map<std::string, FrameImage>& pictures,
+                             const Run& run) {
   const RunScope inputs;
   const std::filesystem::path folder = FolderOf(calibration);
   if (folder.empty()) {
@@ -194,7 +194,7 @@ PictureWorth WeighPictures(const std::filesystem::path& calibration,
         "--image: pictures are weighed against a calibration: give the folder that "
         "'plenocal calibrate' wrote");
   }
-  return PictureScale(folder, run.threads).Weigh(pictures);
+  return PictureGainEvaluator(folder, run.threads).Evaluate(pictures);
 }
 
 }  // namespace plenocal

@@ -11,7 +11,7 @@
 #include "assess/views/next_views.h"
 #include "calib/base/run.h"
 #include "engine/session/session_options.h"
-#include "engine/suggest/picture_scale.h"
+#include "engine/suggest/picture_gain.h"
 
 namespace plenocal {
 
@@ -33,7 +33,7 @@ struct SuggestRequest : SessionOptions {
 };
 
 struct SuggestedViews {
-  RigKnowledge rig;  ///< what the views are chosen for
+  RigEstimate rig;  ///< what the views are chosen for
   ViewTarget shape;
   std::optional<Verdict> verdict;  ///< of the calibration so far
   NextViews views = {};
@@ -43,10 +43,10 @@ struct SuggestedViews {
 /// and `Stopped`.
 SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run);
 
-/// What pictures taken at once add to a calibration (its folder, or calibration.yaml). `pictures`:
-/// by camera; empty: the only one. Throws `Error` of kind kInput as `PictureScale`.
-PictureWorth WeighPictures(const std::filesystem::path& calibration,
-                           const std::map<std::string, FrameImage>& pictures,
-                           const Run& run);
+/// Gain of a calibration by pictures taken at once (its folder, or calibration.yaml). `pictures`:
+/// by camera; empty: the only one. Throws `Error` of kind kInput as `PictureGainEvaluator`.
+PictureGain EvaluatePictures(const std::filesystem::path& calibration,
+                             const std::map<std::string, FrameImage>& pictures,
+                             const Run& run);
 
 }  // namespace plenocal

@@ -15,7 +15,7 @@ Json Matrix(const RigidTransform& T) {
   return rows;
 }
 
-Json Outlines(const NextView& view, const RigKnowledge& rig) {
+Json Outlines(const NextView& view, const RigEstimate& rig) {
   constexpr double kPlaces = 100;  // of a pixel
   Json cameras = Json::object();
   for (const auto& [camera, outlines] : view.outlines) {
@@ -37,7 +37,7 @@ Json Outlines(const NextView& view, const RigKnowledge& rig) {
 
 Json SuggestionsJson(const SuggestedViews& suggested) {
   const NextViews& suggestions = suggested.views;
-  const RigKnowledge& rig = suggested.rig;
+  const RigEstimate& rig = suggested.rig;
   constexpr double kDegrees = 57.29577951308232;
   Json views = Json::array();
   for (const NextView& view : suggestions.views) {
@@ -45,7 +45,7 @@ Json SuggestionsJson(const SuggestedViews& suggested) {
     const BundleCamera& camera = rig.bundle.cameras[view.pose.camera];
     Json seen = Json::array();
     for (const size_t c : view.cameras) seen.push_back(rig.bundle.cameras[c].name);
-    views.push_back({{"words", WordsOf(view, rig)},
+    views.push_back({{"words", NextViewText(view, rig)},
                      {"camera", camera.name},
                      {"cameras", seen},
                      {"T_camera_target", Matrix(camera.T_camera_rig * view.T_rig_target)},

@@ -28,9 +28,9 @@ struct Panel {
 };
 
 // Words below a single image need room.
-double ImageWidth(const RigKnowledge& rig) { return rig.bundle.cameras.size() == 1 ? 460 : 300; }
+double ImageWidth(const RigEstimate& rig) { return rig.bundle.cameras.size() == 1 ? 460 : 300; }
 
-double PanelHeight(const RigKnowledge& rig) {
+double PanelHeight(const RigEstimate& rig) {
   double height = 0;
   for (const BundleCamera& camera : rig.bundle.cameras) {
     height = std::max(height, ImageWidth(rig) * camera.image_size[1] / camera.image_size[0]);
@@ -61,10 +61,10 @@ std::vector<std::string> Wrapped(cairo_t* cr, const std::string& text, double wi
 
 class Sheet {
  public:
-  Sheet(const NextViews& suggestions, const RigKnowledge& rig, const ViewTarget& shape)
+  Sheet(const NextViews& suggestions, const RigEstimate& rig, const ViewTarget& shape)
       : suggestions_(suggestions),
         rig_(rig),
-        unknowns_(UnknownsOf(rig.bundle, 1)),
+        unknowns_(MakeRigUnknowns(rig.bundle, 1)),
         predictor_(rig, unknowns_, shape),
         width_(ImageWidth(rig)),
         row_height_(PanelHeight(rig) + kWords + kGap) {}
@@ -93,7 +93,7 @@ class Sheet {
       DrawImage(cr, panel, c, view);
     }
     cairo_set_source_rgb(cr, 0.1, 0.1, 0.1);
-    const std::string words = fmt::format("{}. {}", i + 1, WordsOf(view, rig_));
+    const std::string words = fmt::format("{}. {}", i + 1, NextViewText(view, rig_));
     double y = top + PanelHeight(rig_) + kLine;
     for (const std::string& line : Wrapped(cr, words, Width() - 2 * kMargin)) {
       cairo_move_to(cr, kMargin, y);
@@ -119,7 +119,8 @@ class Sheet {
       for (const auto& outline : outlines->second) DrawOutline(cr, panel, outline);
       constexpr size_t kAll = 400;
       cairo_set_source_rgb(cr, 0.12, 0.38, 0.66);
-      for (const Eigen::Vector2d& u : predictor_.SightOf(c, view.T_rig_target, kAll).u_px) {
+      for (const Eigen::Vector2d& u :
+           predictor_.PredictVisibility(c, view.T_rig_target, kAll).u_px) {
         AddDot(cr, panel.At(u));
       }
       StrokeDots(cr, 4);
@@ -171,7 +172,7 @@ class Sheet {
   }
 
   const NextViews& suggestions_;
-  const RigKnowledge& rig_;
+  const RigEstimate& rig_;
   RigUnknowns unknowns_;
   ViewPredictor predictor_;
   double width_, row_height_;
@@ -180,7 +181,7 @@ class Sheet {
 }  // namespace
 
 std::string DrawViewSheet(const NextViews& suggestions,
-                          const RigKnowledge& rig,
+                          const RigEstimate& rig,
                           const ViewTarget& shape,
                           PictureFormat format) {
   Sheet sheet(suggestions, rig, shape);

@@ -14,7 +14,7 @@ namespace plenocal {
 /// should look, the target white with its markers, over the points so far, and the suggestion in
 /// words.
 std::string DrawViewSheet(const NextViews& suggestions,
-                          const RigKnowledge& rig,
+                          const RigEstimate& rig,
                           const ViewTarget& shape,
                           PictureFormat format);
 

@@ -70,7 +70,7 @@ nlohmann::json LiveLook::Weigh(const std::filesystem::path& run_folder,
     folder_ = run_folder;
     time_ = time;
   }
-  return WorthJson(scale_->Weigh(images));
+  return PictureGainJson(scale_->Evaluate(images));
 }
 
 void LiveLook::Keep() {

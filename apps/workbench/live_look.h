@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "engine/suggest/picture_scale.h"
+#include "engine/suggest/picture_gain.h"
 
 namespace plenocal::workbench {
 
@@ -17,8 +17,8 @@ namespace plenocal::workbench {
 class LiveLook {
  public:
   /// `sizes`: "left:1234,right:567", the cameras and the bytes of their image files, which follow
-  /// one another in `pictures`. Returns `WorthJson`. Throws `Error` as `PictureScale`, and of kind
-  /// kInput where the sizes are not those of `pictures`.
+  /// one another in `pictures`. Returns `PictureGainJson`. Throws `Error` as
+  /// `PictureGainEvaluator`, and of kind kInput where the sizes are not those of `pictures`.
   nlohmann::json Weigh(const std::filesystem::path& run_folder,
                        const std::string& sizes,
                        const std::string& pictures);
@@ -29,7 +29,7 @@ class LiveLook {
   std::mutex mutex_;
   std::filesystem::path folder_;
   std::filesystem::file_time_type time_;  // of its calibration: a run may be made again
-  std::optional<PictureScale> scale_;
+  std::optional<PictureGainEvaluator> scale_;
 };
 
 }  // namespace plenocal::workbench

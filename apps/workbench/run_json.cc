@@ -17,7 +17,7 @@
 #include "calib/files/exclusion.h"
 #include "engine/json/calibration_json.h"
 #include "engine/session/calibration_folder.h"
-#include "engine/suggest/calibrated_rig.h"
+#include "engine/suggest/read_rig_estimate.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -162,7 +162,7 @@ Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf&
   ViewTarget shape;
   for (const auto& [number, marker] : record->markers) shape.markers[number] = marker.position;
   const ExclusionPreview preview =
-      PreviewExclusion(KnowledgeOf(folder, *record, shape), shape, leaves_out);
+      PreviewExclusion(MakeRigEstimate(folder, *record, shape), shape, leaves_out);
   if (preview.points == 0) return nullptr;
   return {{"points", preview.points},
           {"rms", {preview.rms_before, preview.rms_after}},

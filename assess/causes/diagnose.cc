@@ -2,36 +2,49 @@
 #include "assess/causes/diagnose.h"
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <optional>
-#include <string_view>
 #include <utility>
 
-#include "assess/causes/image_causes.h"
-#include "assess/causes/lens_causes.h"
-#include "assess/causes/outlier_causes.h"
-#include "assess/causes/recording_causes.h"
-#include "assess/causes/rig_causes.h"
+#include "assess/causes/cause.h"
+#include "assess/causes/lens_cause.h"
 #include "assess/target/flatness.h"
 #include "assess/target/frame_choice.h"
 #include "assess/verdict.h"
+#include "calib/noise/camera_noise.h"
 
 namespace plenocal {
 namespace {
 
-bool IsTargetCause(const Finding& finding) {
-  return finding.grade != Grade::kGood && finding.code.starts_with("target_");
+FindingRole RoleOf(const Finding& finding) { return FindCode(finding.code, CauseCodes()).role; }
+
+bool IsDefect(const Finding& finding, FindingRole role) {
+  return finding.grade != Grade::kGood && RoleOf(finding) == role;
 }
 
-// Causes in the target that residuals show: those of a wrong lens may look like them. All others
-// are tested without a camera.
-constexpr std::array<std::string_view, 3> kByResiduals{
-    "target_ids_twice", "target_marker_moved", "target_tag_size"};
+bool IsTargetCause(const Finding& finding) {
+  return IsDefect(finding, FindingRole::kTargetCause) ||
+         IsDefect(finding, FindingRole::kTargetResiduals);
+}
 
-bool IsCertain(const Finding& finding) {
-  return IsTargetCause(finding) &&
-         std::ranges::find(kByResiduals, finding.code) == kByResiduals.end();
+// Of the stages that test one camera after the other.
+std::vector<CauseEvidence> EvidenceOfCameras(const Calibration& calibration,
+                                             std::span<const CameraTraits> traits) {
+  static const CameraTraits kUnknown;
+  std::vector<CauseEvidence> evidence;
+  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
+    evidence.push_back({.calibration = &calibration,
+                        .camera = c,
+                        .name = calibration.bundle.cameras[c].name,
+                        .traits = c < traits.size() ? &traits[c] : &kUnknown});
+  }
+  return evidence;
+}
+
+void AddCauses(CauseStage stage,
+               std::span<const CauseEvidence> cameras,
+               std::vector<Finding>* findings) {
+  for (const CauseEvidence& camera : cameras) Append(FindCauses(stage, camera), findings);
 }
 
 // By camera.
@@ -58,14 +71,6 @@ bool IsLensInstead(const BentTarget& bent, const LensCauses& lenses) {
   });
 }
 
-// Motion by rows is tested on what is not the same in all frames, and it explains more than half of
-// all residuals. Images upside down do not agree with any target.
-bool IsRecordingInstead(const std::vector<Finding>& findings) {
-  return std::ranges::any_of(findings, [](const Finding& finding) {
-    return finding.code == "rolling_shutter" || finding.code == "images_rotated";
-  });
-}
-
 // Whether the points of a camera fit another lens model up to noise. No mistake of target or rig
 // looks like that.
 bool ExplainsAll(const LensCause& cause, const CameraFit& fit) {
@@ -81,8 +86,7 @@ void DropConsequences(const LensCauses& causes, CalibrationRecord* record) {
   });
   if (!all) return;
   std::erase_if(record->findings, [](const Finding& finding) {
-    return IsTargetCause(finding) || finding.code == "not_synchronous" ||
-           finding.code == "rig_not_rigid";
+    return IsTargetCause(finding) || RoleOf(finding) == FindingRole::kRigCause;
   });
 }
 
@@ -98,6 +102,20 @@ void AddLensCauses(const LensCauses& causes, std::vector<Finding>* findings) {
 
 }  // namespace
 
+std::vector<Finding> FindTargetCauses(const CalibrationInput& input,
+                                      const TargetDoubts& doubts,
+                                      const Calibration* calibration) {
+  const std::vector<CameraInput> cameras = ChooseFrames(input.cameras);
+  const CauseEvidence evidence{
+      .inputs = &cameras, .markers = &input.markers, .doubts = &doubts, .calibration = calibration};
+  std::vector<Finding> findings = FindCauses(CauseStage::kLayout, evidence);
+  // The rest measures with a calibration, which a wrong layout has spoilt.
+  if (!findings.empty() || calibration == nullptr) return findings;
+  findings = FindCauses(CauseStage::kTarget, evidence);
+  std::ranges::stable_sort(findings, std::ranges::greater(), &Finding::grade);
+  return findings;
+}
+
 void Diagnose(const CalibrationInput& input,
               const Calibration& calibration,
               std::span<const CameraTraits> traits,
@@ -105,32 +123,39 @@ void Diagnose(const CalibrationInput& input,
               const std::function<bool()>& go_on,
               CalibrationRecord* record) {
   std::vector<Finding>& findings = record->findings;
-  Append(FindRigCauses(calibration), &findings);
-  Append(FindRepeatedImages(calibration), &findings);
-  for (size_t c = 0; c < traits.size(); ++c) {
-    Append(FindOrientationTags(input.cameras[c].name, traits[c]), &findings);
-  }
+  std::vector<CauseEvidence> cameras = EvidenceOfCameras(calibration, traits);
+  Append(FindCauses(CauseStage::kRig, {.calibration = &calibration}), &findings);
+  AddCauses(CauseStage::kImages, cameras, &findings);
+  AddCauses(CauseStage::kImageFile, cameras, &findings);
   LensCauses lenses;
-  if (std::ranges::none_of(findings, IsCertain)) {
+  if (std::ranges::none_of(
+          findings, [](const Finding& f) { return IsDefect(f, FindingRole::kTargetCause); })) {
     lenses = FindAllLensCauses(input, *record, models);
     DropConsequences(lenses, record);
   }
   // A wrong target has residuals of any shape, which look like those of other causes.
   if (std::ranges::none_of(findings, IsTargetCause)) {
-    Append(FindOutlierCauses(calibration), &findings);
-    Append(FindRecordingCauses(calibration), &findings);
-    for (size_t c = 0; c < input.cameras.size(); ++c) {
-      Append(FindWorseImages(calibration, c, c < traits.size() ? traits[c] : CameraTraits()),
-             &findings);
+    AddCauses(CauseStage::kPoints, cameras, &findings);
+    for (CauseEvidence& camera : cameras) {
+      if (calibration.fits[camera.camera].noise_sigma >= kRoundingNoise) {
+        camera.views = RowsOfViews(calibration.bundle, camera.camera);
+      }
+      Append(FindCauses(CauseStage::kMotion, camera), &findings);
+      camera.views.clear();
     }
+    AddCauses(CauseStage::kNoise, cameras, &findings);
     std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
-    if (bent && !IsLensInstead(*bent, lenses) && !IsRecordingInstead(findings)) {
+    // Motion by rows is tested on what is not the same in all frames, and it explains more than
+    // half of all residuals. Images upside down do not agree with any target.
+    const bool is_image = std::ranges::any_of(
+        findings, [](const Finding& f) { return RoleOf(f) == FindingRole::kImageDistortion; });
+    if (bent && !is_image && !IsLensInstead(*bent, lenses)) {
       findings.push_back(std::move(bent->finding));
       lenses.clear();
     }
     AddLensCauses(std::move(lenses), &findings);
   }
-  record->verdict = Judge(*record);
+  record->verdict = Judge(*record, CauseCodes());
 }
 
 }  // namespace plenocal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Residuals of single views with their derivatives, on which tests for causes regress.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,8 +10,8 @@
 
 namespace plenocal {
 
-/// The observations of one view, linearised at the optimum in standard deviations of their noise:
-/// what tests for causes regress the residuals on.
+/// The observations of one view, linearised at the optimum, in standard deviations of their
+/// noise.
 struct ViewRows {
   int frame = 0;
   Eigen::VectorXd residual;  ///< two rows (x, y) an observation

@@ -15,21 +15,6 @@
 namespace plenocal {
 namespace {
 
-// Of all cameras' used points; the last one only for rigs without a plenoptic camera.
-std::vector<double> PreviewDistances(const Bundle& bundle) {
-  double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
-  bool plenoptic = false;
-  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const std::vector<double> distances = DistancesOfPoints(bundle, c);
-    plenoptic = plenoptic || bundle.cameras[c].model->plenoptic;
-    if (distances.empty()) continue;
-    nearest = std::min(nearest, distances.front());
-    farthest = std::max(farthest, distances.back());
-  }
-  if (plenoptic) return {nearest, farthest};
-  return {nearest, farthest, 10 * farthest};
-}
-
 // Sums over the used points: squared residuals, px^2 and in sigmas, and their number.
 Eigen::Array3d ResidualSums(const Bundle& bundle) {
   Eigen::Array3d sums = Eigen::Array3d::Zero();
@@ -52,19 +37,20 @@ struct Normal {
   Eigen::MatrixXd information;
   Eigen::VectorXd gradient;
 
-  Normal(const RigKnowledge& rig, const RigUnknowns& unknowns, const ViewTarget& shape)
+  Normal(const RigEstimate& rig, const RigUnknowns& unknowns, const ViewTarget& shape)
       : information(Eigen::MatrixXd::Identity(unknowns.unit.size(), unknowns.unit.size())),
         gradient(Eigen::VectorXd::Zero(unknowns.unit.size())) {
-    ViewPredictor(rig, unknowns, shape).ForFrames([&](const ViewPredictor::OfFrame& frame) {
-      information += frame.information;
-      gradient += frame.gradient;
-    });
+    ViewPredictor(rig, unknowns, shape)
+        .ForFrames([&](const ViewPredictor::FrameInformation& frame) {
+          information += frame.information;
+          gradient += frame.gradient;
+        });
   }
 };
 
 }  // namespace
 
-ExclusionPreview PreviewExclusion(RigKnowledge rig,
+ExclusionPreview PreviewExclusion(RigEstimate rig,
                                   const ViewTarget& shape,
                                   const std::function<bool(const BundleObservation&)>& leaves_out) {
   ExclusionPreview preview;
@@ -72,8 +58,8 @@ ExclusionPreview PreviewExclusion(RigKnowledge rig,
   for (const BundleObservation& each : rig.bundle.observations) {
     if (each.used && leaves_out(each)) frames.insert(each.frame);
   }
-  const std::vector<double> distances = PreviewDistances(rig.bundle);
-  const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
+  const std::vector<double> distances = ProjectionDistances(rig.bundle);
+  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, distances[0]);
   const ProjectionSigma projection(rig, unknowns, distances);
   const Normal all(rig, unknowns, shape);
   const Eigen::Array3d residuals = ResidualSums(rig.bundle);
@@ -102,7 +88,7 @@ ExclusionPreview PreviewExclusion(RigKnowledge rig,
   const Eigen::VectorXd sigma = before.Covariance()
                                     .diagonal()
                                     .cwiseSqrt()
-                                    .cwiseProduct(ScaleOf(rig, unknowns))
+                                    .cwiseProduct(UnknownScales(rig, unknowns))
                                     .cwiseQuotient(unknowns.unit);
   for (Eigen::Index k = 0; k < unknowns.head; ++k) {
     const double sigmas = std::abs(change[k]) / sigma[k];

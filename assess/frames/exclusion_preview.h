@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Prediction of a calibration without some of its points.
 #pragma once
 
 #include <functional>
 #include <string>
 
-#include "assess/views/rig_knowledge.h"
+#include "assess/views/rig_estimate.h"
 
 namespace plenocal {
 
-/// What a calibration would be without some of its points.
+/// A calibration without some of its points, predicted.
 struct ExclusionPreview {
   size_t points = 0;                     ///< left out, of those that were used
   double rms_before = 0, rms_after = 0;  ///< length of the residuals of the used points, px
@@ -23,7 +25,7 @@ struct ExclusionPreview {
 /// By one Newton step from the adjustment, as `FrameInfluences`; outliers stay what they are.
 /// `leaves_out`: whether an observation is left out. Throws `Error` of kind kJob where no camera
 /// images a point at these distances.
-ExclusionPreview PreviewExclusion(RigKnowledge rig,
+ExclusionPreview PreviewExclusion(RigEstimate rig,
                                   const ViewTarget& shape,
                                   const std::function<bool(const BundleObservation&)>& leaves_out);
 

@@ -15,7 +15,7 @@ std::vector<FrameInfluence> FrameInfluences(const CalibrationRecord& calibration
   const Eigen::MatrixXd all = views.Predictor().InformationSoFar();
   const Eigen::VectorXd sigma = Inverse(all).diagonal().cwiseSqrt().cwiseProduct(views.Factors());
   std::vector<FrameInfluence> influences;
-  views.Predictor().ForFrames([&](const ViewPredictor::OfFrame& frame) {
+  views.Predictor().ForFrames([&](const ViewPredictor::FrameInformation& frame) {
     const Eigen::VectorXd change = (all - frame.information).ldlt().solve(frame.gradient);
     FrameInfluence influence{.frame = frame.frame, .sigmas = 0, .unknown = {}};
     for (Eigen::Index k = 0; k < unknowns.head; ++k) {

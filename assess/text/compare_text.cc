@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "assess/verdict.h"
@@ -21,6 +22,17 @@ constexpr std::array<std::string_view, 3> kColumnNames{"left", "centre", "right"
 
 std::string PartText(size_t part) {
   return part == 4 ? "centre" : fmt::format("{} {}", kRowNames[part / 3], kColumnNames[part % 3]);
+}
+
+// Calls `visit` with each distance, the name of each part of the image, and the difference there.
+void ForEachPart(const CameraDifference& camera,
+                 const std::function<void(const DistanceDifference& at,
+                                          const std::string& part,
+                                          const ImageDifference& difference)>& visit) {
+  for (const DistanceDifference& at : camera.distances) {
+    visit(at, "all", at.all);
+    for (size_t p = 0; p < at.parts.size(); ++p) visit(at, PartText(p), at.parts[p]);
+  }
 }
 
 std::string CameraVerdict(const CameraDifference& camera) {
@@ -89,21 +101,17 @@ std::string CameraText(const CameraDifference& camera,
                       "max px",
                       "sigmas' px",
                       "pixels");
-  for (const DistanceDifference& at : camera.distances) {
-    const auto line = [&](const std::string& part, const ImageDifference& difference) {
-      text += fmt::format(
-          "  {:<10} {:<14} {:>10.4f} {:>10.4f} {:>12} {:>8}{}\n",
-          DistanceText(at.distance),
-          part,
-          difference.rms,
-          difference.largest,
-          camera.has_prediction ? fmt::format("{:.4f}", difference.predicted) : "unknown",
-          difference.points,
-          difference.differs ? "  differs" : "");
-    };
-    line("all", at.all);
-    for (size_t p = 0; p < at.parts.size(); ++p) line(PartText(p), at.parts[p]);
-  }
+  ForEachPart(camera, [&](const auto& at, const auto& part, const ImageDifference& difference) {
+    text +=
+        fmt::format("  {:<10} {:<14} {:>10.4f} {:>10.4f} {:>12} {:>8}{}\n",
+                    DistanceText(at.distance),
+                    part,
+                    difference.rms,
+                    difference.largest,
+                    camera.has_prediction ? fmt::format("{:.4f}", difference.predicted) : "unknown",
+                    difference.points,
+                    difference.differs ? "  differs" : "");
+  });
   return text + fmt::format("  {}\n", CameraVerdict(camera));
 }
 
@@ -165,23 +173,19 @@ std::string ComparisonText(const CalibrationComparison& comparison,
 std::string ComparisonCsv(const CalibrationComparison& comparison) {
   std::string text = "camera,distance,part,rms,largest,predicted,probability,pixels,differs\n";
   for (const CameraDifference& camera : comparison.differences) {
-    for (const DistanceDifference& at : camera.distances) {
-      const auto line = [&](const std::string& part, const ImageDifference& difference) {
-        text +=
-            fmt::format("{},{:g},{},{:.6g},{:.6g},{},{},{},{}\n",
-                        CsvCell(camera.name),
-                        at.distance,
-                        part,
-                        difference.rms,
-                        difference.largest,
-                        camera.has_prediction ? fmt::format("{:.6g}", difference.predicted) : "",
-                        camera.has_prediction ? fmt::format("{:.3g}", difference.probability) : "",
-                        difference.points,
-                        difference.differs ? 1 : 0);
-      };
-      line("all", at.all);
-      for (size_t p = 0; p < at.parts.size(); ++p) line(PartText(p), at.parts[p]);
-    }
+    ForEachPart(camera, [&](const auto& at, const auto& part, const ImageDifference& difference) {
+      text +=
+          fmt::format("{},{:g},{},{:.6g},{:.6g},{},{},{},{}\n",
+                      CsvCell(camera.name),
+                      at.distance,
+                      part,
+                      difference.rms,
+                      difference.largest,
+                      camera.has_prediction ? fmt::format("{:.6g}", difference.predicted) : "",
+                      camera.has_prediction ? fmt::format("{:.3g}", difference.probability) : "",
+                      difference.points,
+                      difference.differs ? 1 : 0);
+    });
   }
   return text;
 }

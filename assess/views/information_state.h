@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Information of the frames so far as the state of a greedy choice of views.
 #pragma once
 
 #include <Eigen/Cholesky>

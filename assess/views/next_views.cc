@@ -49,13 +49,13 @@ bool Differ(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
 
 class Choice {
  public:
-  Choice(const RigKnowledge& rig, const ViewTarget& shape, const NextViewOptions& options)
+  Choice(const RigEstimate& rig, const ViewTarget& shape, const NextViewOptions& options)
       : rig_(rig),
         shape_(shape),
         options_(options),
         ranges_(Ranges()),
         distances_(Distances()),
-        unknowns_(UnknownsOf(rig.bundle, distances_[0])),
+        unknowns_(MakeRigUnknowns(rig.bundle, distances_[0])),
         predictor_(rig, unknowns_, shape),
         projection_(rig, unknowns_, distances_),
         state_(predictor_.InformationSoFar(), unknowns_.head, projection_) {}
@@ -81,7 +81,8 @@ class Choice {
   std::vector<ViewRange> Ranges() const {
     std::vector<ViewRange> ranges;
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-      ranges.push_back(RangeOf(rig_, c, shape_, DistancesOfPoints(rig_.bundle, c), options_.range));
+      ranges.push_back(
+          FeasibleRange(rig_, c, shape_, PointDistances(rig_.bundle, c), options_.range));
     }
     return ranges;
   }
@@ -101,7 +102,7 @@ class Choice {
   void MakeCandidates() {
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
       for (const TargetPose& pose :
-           PosesBefore(rig_, c, shape_, ranges_[c], options_.largest_tilt)) {
+           CandidatePoses(rig_, c, shape_, ranges_[c], options_.largest_tilt)) {
         const auto T_camera_target = PlaceTarget(rig_, shape_, pose);
         if (!T_camera_target) continue;
         candidates_.push_back(
@@ -126,7 +127,7 @@ class Choice {
   // find the target, even if another one does.
   std::optional<Eigen::MatrixXd> InformationOf(const Candidate& candidate, size_t markers) const {
     const bool found =
-        predictor_.SightOf(candidate.pose.camera, candidate.T_rig_target, markers).found;
+        predictor_.PredictVisibility(candidate.pose.camera, candidate.T_rig_target, markers).found;
     if (!found) return std::nullopt;
     return predictor_.Information(candidate.T_rig_target, markers);
   }
@@ -157,10 +158,11 @@ class Choice {
   // nothing.
   Eigen::MatrixXd Expected(const Candidate& candidate) const {
     const RigidTransform& T_camera_rig = rig_.bundle.cameras[candidate.pose.camera].T_camera_rig;
-    const std::vector<RigidTransform> executed = Executions(T_camera_rig * candidate.T_rig_target,
-                                                            shape_,
-                                                            options_.angle_error,
-                                                            options_.distance_error);
+    const std::vector<RigidTransform> executed =
+        ExecutedPoses(T_camera_rig * candidate.T_rig_target,
+                      shape_,
+                      options_.angle_error,
+                      options_.distance_error);
     const Eigen::Index size = unknowns_.unit.size();
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
     for (const RigidTransform& T_camera_target : executed) {
@@ -218,7 +220,7 @@ class Choice {
       view.region_after = is;
     }
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-      if (!predictor_.SightOf(c, view.T_rig_target, kFineMarkers).found) continue;
+      if (!predictor_.PredictVisibility(c, view.T_rig_target, kFineMarkers).found) continue;
       view.cameras.push_back(c);
       view.outlines[c] = OutlinesIn(c, view.T_rig_target);
     }
@@ -229,8 +231,8 @@ class Choice {
                                                        const RigidTransform& T_rig_target) const {
     const BundleCamera& camera = rig_.bundle.cameras[c];
     const RigidTransform T = camera.T_camera_rig * T_rig_target;
-    const MicroLensSight lenses =
-        camera.model->plenoptic ? MicroLensSight(rig_.lenses[c]) : MicroLensSight();
+    const MicroLensVisibility lenses =
+        camera.model->plenoptic ? MicroLensVisibility(rig_.lenses[c]) : MicroLensVisibility();
     std::vector<std::vector<Eigen::Vector2d>> outlines;
     for (const auto& outline : shape_.outlines) {
       auto& drawn = outlines.emplace_back();
@@ -243,7 +245,7 @@ class Choice {
           Eigen::Vector2d u_px;
           const std::array<double, kMaxObservationSize> values{};
           if (lenses.HasLenses()) {
-            const MicroLensSight::Seen seen = lenses.LensesOf(camera, p, 1);
+            const MicroLensVisibility::Seen seen = lenses.LensesShowing(camera, p, 1);
             if (seen.all > 0) drawn.push_back(seen.image);
           } else if (camera.model->project(camera.params.data(),
                                            camera.config.data(),
@@ -258,7 +260,7 @@ class Choice {
     return outlines;
   }
 
-  const RigKnowledge& rig_;
+  const RigEstimate& rig_;
   const ViewTarget& shape_;
   const NextViewOptions& options_;
   std::vector<ViewRange> ranges_;  // per camera
@@ -272,7 +274,7 @@ class Choice {
 
 }  // namespace
 
-NextViews ChooseNextViews(const RigKnowledge& rig,
+NextViews ChooseNextViews(const RigEstimate& rig,
                           const ViewTarget& shape,
                           const NextViewOptions& options) {
   return Choice(rig, shape, options).Run();

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "assess/views/projection_sigma.h"
-#include "assess/views/rig_knowledge.h"
+#include "assess/views/rig_estimate.h"
 #include "assess/views/target_poses.h"
 #include "calib/files/finding.h"
 
@@ -54,27 +54,27 @@ struct NextViews {
   size_t frames = 0;
 };
 
-/// Greedy choice over `PosesBefore` of each camera, of those whose information (averaged over
-/// `Executions`) lowers the sigma most. While something is not determined (a sigma above its unit,
-/// the projection's above 5 px) the log determinant takes the place of sigma, which would measure
-/// the weak prior. Two suggestions differ by 20 degrees, a fifth of the distance or a third of the
-/// image. The sigma is that over the image at the nearest and farthest distance of the range and at
-/// ten times the farthest (of plenoptic cameras without the last).
+/// Greedy choice over `CandidatePoses` of each camera, of those whose information (averaged over
+/// `ExecutedPoses`) lowers the sigma most. While something is not determined (a sigma above its
+/// unit, the projection's above 5 px) the log determinant takes the place of sigma, which would
+/// measure the weak prior. Two suggestions differ by 20 degrees, a fifth of the distance or a third
+/// of the image. The sigma is that over the image at the nearest and farthest distance of the range
+/// and at ten times the farthest (of plenoptic cameras without the last).
 ///
 /// Throws `Error` of kind kJob when no pose is feasible.
-NextViews ChooseNextViews(const RigKnowledge& rig,
+NextViews ChooseNextViews(const RigEstimate& rig,
                           const ViewTarget& shape,
                           const NextViewOptions& options);
 
 /// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
 /// there 1.6 -> 0.4 px".
-std::string WordsOf(const NextView& view, const RigKnowledge& rig);
+std::string NextViewText(const NextView& view, const RigEstimate& rig);
 /// All suggestions for the terminal. `verdict`: of the calibration so far. `assumed_angle`: the
 /// lens' angle is given where the images do not determine it.
-std::string WordsOf(const NextViews& suggestions,
-                    const RigKnowledge& rig,
-                    const std::optional<Verdict>& verdict,
-                    bool assumed_angle);
+std::string NextViewsText(const NextViews& suggestions,
+                          const RigEstimate& rig,
+                          const std::optional<Verdict>& verdict,
+                          bool assumed_angle);
 
 /// "lower left corner", "middle".
 std::string RegionName(size_t region);

@@ -6,14 +6,14 @@
 
 namespace plenocal {
 
-std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration) {
+std::map<int, PoseErrors> ComputePoseErrors(const CalibrationRecord& calibration) {
   const CalibratedViews views(calibration);
   // A root of the unknowns' covariance: its columns are independent errors.
   const SymmetricEigen spectrum = DecomposeSymmetric(views.Predictor().InformationSoFar());
   const Eigen::MatrixXd root = views.Factors().asDiagonal() * spectrum.vectors *
                                spectrum.values.cwiseInverse().cwiseSqrt().asDiagonal();
   std::map<int, PoseErrors> errors;
-  views.Predictor().ForFrames([&](const ViewPredictor::OfFrame& frame) {
+  views.Predictor().ForFrames([&](const ViewPredictor::FrameInformation& frame) {
     errors[frame.frame] = {frame.pose_covariance, frame.pose_by_unknowns * root};
   });
   return errors;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Covariance of the poses of a calibration's frames.
 #pragma once
 
 #include <map>
@@ -10,7 +12,7 @@ namespace plenocal {
 
 /// Errors of a calibration's poses, per index of a frame whose pose its points determine: those
 /// that all poses share are the errors of parameters, extrinsics and target. Throws as
-/// `KnowledgeOf`.
-std::map<int, PoseErrors> ErrorsOfPoses(const CalibrationRecord& calibration);
+/// `MakeRigEstimate`.
+std::map<int, PoseErrors> ComputePoseErrors(const CalibrationRecord& calibration);
 
 }  // namespace plenocal

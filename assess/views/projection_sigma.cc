@@ -5,7 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "assess/views/micro_lens_sight.h"
+#include "assess/views/micro_lens_visibility.h"
+#include "assess/views/projection_jacobian.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
@@ -13,8 +14,6 @@ namespace plenocal {
 namespace {
 
 constexpr int kGridColumns = 16, kGridRows = 12;
-
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Derivatives of one projected point by the unknowns in units and by a motion of the rig's frame.
 struct GridPoint {
@@ -25,8 +24,8 @@ struct GridPoint {
 
 class Grid {
  public:
-  Grid(const RigKnowledge& rig, const RigUnknowns& unknowns)
-      : rig_(rig), unknowns_(unknowns), scale_(ScaleOf(rig, unknowns)) {}
+  Grid(const RigEstimate& rig, const RigUnknowns& unknowns)
+      : rig_(rig), unknowns_(unknowns), scale_(UnknownScales(rig, unknowns)) {}
 
   std::vector<GridPoint> Make(const std::vector<double>& distances) {
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) AddCamera(c, distances);
@@ -36,9 +35,9 @@ class Grid {
  private:
   void AddCamera(size_t c, const std::vector<double>& distances) {
     const BundleCamera& camera = rig_.bundle.cameras[c];
-    const MicroLensSight lenses = rig_.lenses.size() > c && !rig_.lenses[c].lenses.empty()
-                                      ? MicroLensSight(rig_.lenses[c])
-                                      : MicroLensSight();
+    const MicroLensVisibility lenses = rig_.lenses.size() > c && !rig_.lenses[c].lenses.empty()
+                                           ? MicroLensVisibility(rig_.lenses[c])
+                                           : MicroLensVisibility();
     if (camera.model->plenoptic && !lenses.HasLenses()) return;
     for (int row = 0; row < kGridRows; ++row) {
       for (int column = 0; column < kGridColumns; ++column) {
@@ -67,22 +66,12 @@ class Grid {
         camera.model->unproject(camera.params.data(), camera.config.data(), values.data());
     if (!ray) return;
     const Eigen::Vector3d p_cam = ray->origin + distance * ray->direction;
-    const auto params = static_cast<Eigen::Index>(camera.params.size());
-    RowMatrix J_params(2, params);
-    Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-    double predicted[kMaxObservationSize];
-    if (!camera.model->project_with_jacobian(camera.params.data(),
-                                             camera.config.data(),
-                                             values.data(),
-                                             p_cam,
-                                             {predicted, J_params.data(), J_point.data()}) ||
-        !J_params.allFinite() || !J_point.allFinite()) {
-      return;
-    }
+    ProjectionJacobian J;
+    if (!Differentiate(camera, values.data(), p_cam, &J)) return;
     GridPoint point{c, region, Eigen::MatrixXd::Zero(2, scale_.size()), {}};
-    for (Eigen::Index k = 0; k < params; ++k) {
+    for (Eigen::Index k = 0; k < J.by_params.cols(); ++k) {
       const int index = unknowns_.params[c][static_cast<size_t>(k)];
-      if (index >= 0) point.by_unknowns.col(index) = scale_[index] * J_params.col(k);
+      if (index >= 0) point.by_unknowns.col(index) = scale_[index] * J.by_params.col(k);
     }
     // Retract turns and shifts the point in the camera's frame, the motion in the rig's.
     const RigidTransform& T = camera.T_camera_rig;
@@ -90,15 +79,15 @@ class Grid {
       Eigen::Matrix<double, 3, 6> moved;
       moved << Eigen::Matrix3d::Identity(), -Hat(p_cam - T.t);
       point.by_unknowns.middleCols<6>(first) =
-          J_point * moved * scale_.segment<6>(first).asDiagonal();
+          J.by_point * moved * scale_.segment<6>(first).asDiagonal();
     }
     Eigen::Matrix<double, 3, 6> motion;
     motion << T.R, -T.R * Hat(T.Inverse() * p_cam);
-    point.by_motion = J_point * motion;
+    point.by_motion = J.by_point * motion;
     points_.push_back(std::move(point));
   }
 
-  const RigKnowledge& rig_;
+  const RigEstimate& rig_;
   const RigUnknowns& unknowns_;
   Eigen::VectorXd scale_;
   std::vector<GridPoint> points_;
@@ -106,7 +95,7 @@ class Grid {
 
 }  // namespace
 
-ProjectionSigma::ProjectionSigma(const RigKnowledge& rig,
+ProjectionSigma::ProjectionSigma(const RigEstimate& rig,
                                  const RigUnknowns& unknowns,
                                  const std::vector<double>& distances) {
   const std::vector<GridPoint> points = Grid(rig, unknowns).Make(distances);

@@ -8,7 +8,7 @@
 #include <array>
 #include <vector>
 
-#include "assess/views/rig_knowledge.h"
+#include "assess/views/rig_estimate.h"
 
 namespace plenocal {
 
@@ -23,7 +23,7 @@ class ProjectionSigma {
  public:
   /// Throws `Error` of kind kJob when no camera
   /// images any of these points.
-  ProjectionSigma(const RigKnowledge& rig,
+  ProjectionSigma(const RigEstimate& rig,
                   const RigUnknowns& unknowns,
                   const std::vector<double>& distances);
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "assess/views/micro_lens_sight.h"
+#include "assess/views/micro_lens_visibility.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 
@@ -19,7 +19,7 @@ constexpr double kBeyondSeen = 2;
 
 /// Line of sight of a place in the image, from the camera's frame's origin; nothing outside the
 /// model's domain.
-std::optional<Ray> SightAt(const RigKnowledge& rig, size_t c, const Eigen::Vector2d& u_px) {
+std::optional<Ray> RayAt(const RigEstimate& rig, size_t c, const Eigen::Vector2d& u_px) {
   const BundleCamera& camera = rig.bundle.cameras[c];
   std::array<double, kMaxObservationSize> values{u_px.x(), u_px.y()};
   if (camera.model->plenoptic) {
@@ -64,12 +64,12 @@ Eigen::Matrix3d Facing(const ViewTarget& shape) {
 }
 
 /// Angle of a pixel in the middle of the image, rad.
-double PixelAngle(const RigKnowledge& rig, size_t c) {
+double PixelAngle(const RigEstimate& rig, size_t c) {
   const ImageSize size = rig.bundle.cameras[c].image_size;
   const Eigen::Vector2d middle(size[0] / 2.0, size[1] / 2.0);
   constexpr double kStep = 10;  // px
-  const auto a = SightAt(rig, c, middle);
-  const auto b = SightAt(rig, c, middle + Eigen::Vector2d(kStep, 0));
+  const auto a = RayAt(rig, c, middle);
+  const auto b = RayAt(rig, c, middle + Eigen::Vector2d(kStep, 0));
   if (!a || !b) {
     throw JobError("{}: the camera has no ray in the middle of its image",
                    rig.bundle.cameras[c].name);
@@ -85,11 +85,11 @@ Eigen::Vector3d MiddleOf(const ViewTarget& shape) {
   return box.center();
 }
 
-ViewRange RangeOf(const RigKnowledge& rig,
-                  size_t c,
-                  const ViewTarget& shape,
-                  const std::vector<double>& seen,
-                  const ViewRange& wanted) {
+ViewRange FeasibleRange(const RigEstimate& rig,
+                        size_t c,
+                        const ViewTarget& shape,
+                        const std::vector<double>& seen,
+                        const ViewRange& wanted) {
   const BundleCamera& camera = rig.bundle.cameras[c];
   ViewRange range;
   if (camera.model->plenoptic) {
@@ -121,11 +121,11 @@ ViewRange RangeOf(const RigKnowledge& rig,
   return range;
 }
 
-std::vector<TargetPose> PosesBefore(const RigKnowledge& rig,
-                                    size_t c,
-                                    const ViewTarget& shape,
-                                    const ViewRange& range,
-                                    double largest_tilt) {
+std::vector<TargetPose> CandidatePoses(const RigEstimate& rig,
+                                       size_t c,
+                                       const ViewTarget& shape,
+                                       const ViewRange& range,
+                                       double largest_tilt) {
   constexpr int kColumns = 7, kRows = 5, kDistances = 6, kDirections = 8;
   constexpr std::array kTilts{0.0, 0.4, 0.7, 1.0};  // of the largest
   const ImageSize size = rig.bundle.cameras[c].image_size;
@@ -158,10 +158,10 @@ std::vector<TargetPose> PosesBefore(const RigKnowledge& rig,
   return poses;
 }
 
-std::optional<RigidTransform> PlaceTarget(const RigKnowledge& rig,
+std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,
                                           const ViewTarget& shape,
                                           const TargetPose& pose) {
-  const auto ray = SightAt(rig, pose.camera, pose.place);
+  const auto ray = RayAt(rig, pose.camera, pose.place);
   if (!ray) return std::nullopt;
   const Eigen::Vector3d middle = ray->origin + pose.distance * ray->direction;
   // The side that lies towards `away` in the image moves along z.
@@ -172,10 +172,10 @@ std::optional<RigidTransform> PlaceTarget(const RigKnowledge& rig,
   return RigidTransform{R, middle - R * MiddleOf(shape)};
 }
 
-std::vector<RigidTransform> Executions(const RigidTransform& T_camera_target,
-                                       const ViewTarget& shape,
-                                       double angle,
-                                       double part) {
+std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
+                                          const ViewTarget& shape,
+                                          double angle,
+                                          double part) {
   const Eigen::Vector3d middle = T_camera_target * MiddleOf(shape);
   // Errors of one sigma along the directions in turn.
   static constexpr std::array<std::array<double, 4>, 7> kErrors{{{0, 0, 0, 0},

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "assess/views/rig_knowledge.h"
+#include "assess/views/rig_estimate.h"
 
 namespace plenocal {
 
@@ -32,32 +32,32 @@ struct TargetPose {
 /// finest detail is resolved no more; of a plenoptic camera, and where `seen` (ascending, m) has
 /// distances, no more than `kBeyondSeen` times beyond those. `wanted` narrows it where not 0.
 /// Throws `Error` of kind kInput when nothing is left.
-ViewRange RangeOf(const RigKnowledge& rig,
-                  size_t camera,
-                  const ViewTarget& shape,
-                  const std::vector<double>& seen,
-                  const ViewRange& wanted);
+ViewRange FeasibleRange(const RigEstimate& rig,
+                        size_t camera,
+                        const ViewTarget& shape,
+                        const std::vector<double>& seen,
+                        const ViewRange& wanted);
 
 /// A grid of poses before one camera: places over the image (and beyond its border for a target
 /// that is found in part), distances in equal steps of 1 / z, tilts up to `largest_tilt` rad to
 /// eight sides, upright and turned by 90 degrees.
-std::vector<TargetPose> PosesBefore(const RigKnowledge& rig,
-                                    size_t camera,
-                                    const ViewTarget& shape,
-                                    const ViewRange& range,
-                                    double largest_tilt);
+std::vector<TargetPose> CandidatePoses(const RigEstimate& rig,
+                                       size_t camera,
+                                       const ViewTarget& shape,
+                                       const ViewRange& range,
+                                       double largest_tilt);
 
 /// T_camera_target of a pose; nothing where the camera has no ray to its place.
-std::optional<RigidTransform> PlaceTarget(const RigKnowledge& rig,
+std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,
                                           const ViewTarget& shape,
                                           const TargetPose& pose);
 
 /// Poses as they come out when a person carries one out: with errors of `angle` rad, and of `part`
 /// of the distance.
-std::vector<RigidTransform> Executions(const RigidTransform& T_camera_target,
-                                       const ViewTarget& shape,
-                                       double angle,
-                                       double part);
+std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
+                                          const ViewTarget& shape,
+                                          double angle,
+                                          double part);
 
 /// Middle of the target's markers.
 Eigen::Vector3d MiddleOf(const ViewTarget& shape);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kBorder = 3;     // px from the image's border that a marker must keep
 constexpr double kResolved = 3;   // px a detail of the target
-constexpr double kFacing = 0.26;  // cosine between line of sight and normal: 75 degrees
+constexpr double kFacing = 0.26;  // cosine between line of visibility and normal: 75 degrees
 constexpr double kFoundPart = 0.5;
 constexpr size_t kFewestMarkers = 6;                   // for a pose with redundancy
 constexpr size_t kFewestLenses = 2, kMostLenses = 12;  // two give the depth
@@ -40,7 +40,7 @@ struct ViewPredictor::Sums {
   Vector6d xr;
 };
 
-ViewPredictor::ViewPredictor(const RigKnowledge& rig,
+ViewPredictor::ViewPredictor(const RigEstimate& rig,
                              const RigUnknowns& unknowns,
                              const ViewTarget& shape)
     : rig_(rig), unknowns_(unknowns), shape_(shape) {
@@ -68,7 +68,7 @@ ViewPredictor::ViewPredictor(const RigKnowledge& rig,
   }
   for (size_t m = 0; m < markers_.size(); ++m) by_number_[markers_[m].number] = m;
   for (const MicroLensArray& array : rig.lenses) {
-    lenses_.push_back(array.lenses.empty() ? MicroLensSight() : MicroLensSight(array));
+    lenses_.push_back(array.lenses.empty() ? MicroLensVisibility() : MicroLensVisibility(array));
   }
 }
 
@@ -89,7 +89,7 @@ std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
   }
   if (camera.model->plenoptic) {
     if (!lenses_[c].HasLenses()) return std::nullopt;
-    const MicroLensSight::Seen seen = lenses_[c].LensesOf(camera, p, kFewestLenses);
+    const MicroLensVisibility::Seen seen = lenses_[c].LensesShowing(camera, p, kFewestLenses);
     if (seen.all < kFewestLenses) return std::nullopt;
     return seen.image;
   }
@@ -119,18 +119,21 @@ std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
   return u;
 }
 
-Sight ViewPredictor::SightOf(size_t camera, const RigidTransform& T_rig_target, size_t most) const {
-  Sight sight;
+TargetVisibility ViewPredictor::PredictVisibility(size_t camera,
+                                                  const RigidTransform& T_rig_target,
+                                                  size_t most) const {
+  TargetVisibility visibility;
   const RigidTransform T_camera_target = rig_.bundle.cameras[camera].T_camera_rig * T_rig_target;
   const std::vector<size_t> chosen = Chosen(most);
   for (const size_t m : chosen) {
-    if (const auto u_px = Image(camera, T_camera_target, markers_[m])) sight.u_px.push_back(*u_px);
+    if (const auto u_px = Image(camera, T_camera_target, markers_[m]))
+      visibility.u_px.push_back(*u_px);
   }
-  sight.markers = sight.u_px.size();
-  const double part = static_cast<double>(sight.markers) / static_cast<double>(chosen.size());
-  sight.found = sight.markers >= std::min(kFewestMarkers, chosen.size()) &&
-                part >= (shape_.found_in_part ? kFoundPart : 1);
-  return sight;
+  visibility.markers = visibility.u_px.size();
+  const double part = static_cast<double>(visibility.markers) / static_cast<double>(chosen.size());
+  visibility.found = visibility.markers >= std::min(kFewestMarkers, chosen.size()) &&
+                     part >= (shape_.found_in_part ? kFoundPart : 1);
+  return visibility;
 }
 
 std::vector<BundleObservation> ViewPredictor::Predicted(size_t c,
@@ -142,7 +145,7 @@ std::vector<BundleObservation> ViewPredictor::Predicted(size_t c,
       .camera = static_cast<int>(c), .seen = {}, .assumed_sigma = rig_.sigma_px[c]};
   *repeats = 1;
   if (!camera.model->plenoptic) return {observation};
-  const MicroLensSight::Seen seen = lenses_[c].LensesOf(
+  const MicroLensVisibility::Seen seen = lenses_[c].LensesShowing(
       camera, camera.T_camera_rig * (T_rig_target * marker.position), kMostLenses);
   std::vector<BundleObservation> observations;
   for (const Eigen::Vector2d& lens : seen.centres) {
@@ -295,10 +298,10 @@ class ViewPredictor::CameraRows {
   Eigen::Index plus_count_ = 0, minus_count_ = 0;
 };
 
-std::optional<ViewPredictor::OfFrame> ViewPredictor::WithoutPose(const Sums& sums) const {
+std::optional<ViewPredictor::FrameInformation> ViewPredictor::WithoutPose(const Sums& sums) const {
   const auto passed = SolvePositive(sums.xx, Eigen::MatrixXd(sums.tx.transpose()));
   if (!passed) return std::nullopt;
-  OfFrame frame;
+  FrameInformation frame;
   frame.information = sums.tt - sums.tx * *passed;
   frame.information = ((frame.information + frame.information.transpose()) / 2).eval();
   frame.gradient = sums.tr - passed->transpose() * sums.xr;
@@ -315,7 +318,7 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
   const double weight = static_cast<double>(markers_.size()) / static_cast<double>(chosen.size());
   bool found = false;
   for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-    if (!SightOf(c, T_rig_target, most).found) continue;
+    if (!PredictVisibility(c, T_rig_target, most).found) continue;
     found = true;
     const RigidTransform T_camera_target = rig_.bundle.cameras[c].T_camera_rig * T_rig_target;
     CameraRows rows(*this, c, T_rig_target);
@@ -330,12 +333,12 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
     rows.AddTo(&sums);
   }
   if (!found) return std::nullopt;
-  std::optional<OfFrame> frame = WithoutPose(sums);
+  std::optional<FrameInformation> frame = WithoutPose(sums);
   if (!frame) return std::nullopt;
   return std::move(frame->information);
 }
 
-std::optional<ViewPredictor::OfFrame> ViewPredictor::FrameOf(
+std::optional<ViewPredictor::FrameInformation> ViewPredictor::MakeFrameInformation(
     std::span<const BundleObservation> of_frame) const {
   const int frame = of_frame.front().frame;
   const RigidTransform& T_rig_target = rig_.bundle.T_rig_target[static_cast<size_t>(frame)];
@@ -359,19 +362,19 @@ std::optional<ViewPredictor::OfFrame> ViewPredictor::FrameOf(
     }
     rows.AddTo(&sums);
   }
-  std::optional<OfFrame> result = WithoutPose(sums);
+  std::optional<FrameInformation> result = WithoutPose(sums);
   if (result) result->frame = frame;
   return result;
 }
 
-void ViewPredictor::ForFrames(const std::function<void(const OfFrame&)>& take) const {
+void ViewPredictor::ForFrames(const std::function<void(const FrameInformation&)>& take) const {
   constexpr size_t kAtOnce = 64;  // frames: their results wait in memory
   const std::span<const BundleObservation> all = rig_.bundle.observations;
   std::vector<std::span<const BundleObservation>> frames;
   const auto work = [&] {
-    std::vector<std::optional<OfFrame>> results(frames.size());
-    ParallelFor(frames.size(), 0, [&](size_t i) { results[i] = FrameOf(frames[i]); });
-    for (const std::optional<OfFrame>& result : results) {
+    std::vector<std::optional<FrameInformation>> results(frames.size());
+    ParallelFor(frames.size(), 0, [&](size_t i) { results[i] = MakeFrameInformation(frames[i]); });
+    for (const std::optional<FrameInformation>& result : results) {
       if (result) take(*result);
     }
     frames.clear();
@@ -387,16 +390,16 @@ void ViewPredictor::ForFrames(const std::function<void(const OfFrame&)>& take) c
 Eigen::MatrixXd ViewPredictor::InformationSoFar() const {
   const Eigen::Index size = unknowns_.unit.size();
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(size, size);
-  ForFrames([&](const OfFrame& frame) { information += frame.information; });
+  ForFrames([&](const FrameInformation& frame) { information += frame.information; });
   return information;
 }
 
 namespace {
 
 // With the typical distance of the points from the first camera.
-RigUnknowns UnknownsOf(const Bundle& bundle) {
-  const std::vector<double> distances = DistancesOfPoints(bundle, 0);
-  return UnknownsOf(bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
+RigUnknowns MakeRigUnknowns(const Bundle& bundle) {
+  const std::vector<double> distances = PointDistances(bundle, 0);
+  return MakeRigUnknowns(bundle, distances.empty() ? 1 : distances[distances.size() / 2]);
 }
 
 ViewTarget MarkersOf(const CalibrationRecord& calibration) {
@@ -405,8 +408,8 @@ ViewTarget MarkersOf(const CalibrationRecord& calibration) {
   return target;
 }
 
-RigKnowledge WithFactors(const CalibrationRecord& calibration, const ViewTarget& target) {
-  RigKnowledge rig = KnowledgeOf(calibration);
+RigEstimate WithFactors(const CalibrationRecord& calibration, const ViewTarget& target) {
+  RigEstimate rig = MakeRigEstimate(calibration);
   SetFactors(calibration, target, &rig);
   return rig;
 }
@@ -416,12 +419,12 @@ RigKnowledge WithFactors(const CalibrationRecord& calibration, const ViewTarget&
 CalibratedViews::CalibratedViews(const CalibrationRecord& calibration)
     : target_(MarkersOf(calibration)),
       rig_(WithFactors(calibration, target_)),
-      unknowns_(UnknownsOf(rig_.bundle)),
+      unknowns_(MakeRigUnknowns(rig_.bundle)),
       predictor_(rig_, unknowns_, target_) {}
 
-void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigKnowledge* rig) {
+void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigEstimate* rig) {
   constexpr double kDecidedByImages = 0.01;  // square of a tenth of the unit
-  const RigUnknowns unknowns = UnknownsOf(rig->bundle);
+  const RigUnknowns unknowns = MakeRigUnknowns(rig->bundle);
   const Eigen::MatrixXd covariance =
       Inverse(ViewPredictor(*rig, unknowns, target).InformationSoFar());
   for (size_t c = 0; c < rig->factors.size(); ++c) {

@@ -10,13 +10,13 @@
 #include <span>
 #include <vector>
 
-#include "assess/views/micro_lens_sight.h"
-#include "assess/views/rig_knowledge.h"
+#include "assess/views/micro_lens_visibility.h"
+#include "assess/views/rig_estimate.h"
 
 namespace plenocal {
 
 /// How one camera would see the target.
-struct Sight {
+struct TargetVisibility {
   size_t markers = 0;                 ///< that can be measured
   bool found = false;                 ///< enough of them for a detector
   std::vector<Eigen::Vector2d> u_px;  ///< of those, in the image
@@ -26,7 +26,7 @@ struct Sight {
 class ViewPredictor {
  public:
   /// The arguments must outlive it.
-  ViewPredictor(const RigKnowledge& rig, const RigUnknowns& unknowns, const ViewTarget& shape);
+  ViewPredictor(const RigEstimate& rig, const RigUnknowns& unknowns, const ViewTarget& shape);
 
   /// Information that a frame with this pose adds on the unknowns in units, its pose eliminated:
   ///   J_t' W J_t - J_t' W J_x (J_x' W J_x)^-1 J_x' W J_t,
@@ -38,7 +38,7 @@ class ViewPredictor {
 
   /// What a frame says of the unknowns in units, its pose eliminated: its part of the information,
   /// and J' W r of its residuals r.
-  struct OfFrame {
+  struct FrameInformation {
     int frame = 0;
     Eigen::MatrixXd information;
     Eigen::VectorXd gradient;
@@ -48,7 +48,7 @@ class ViewPredictor {
     Eigen::Matrix<double, 6, Eigen::Dynamic> pose_by_unknowns;
   };
   /// Calls `take` with those of the frames so far whose pose is determined, one after the other.
-  void ForFrames(const std::function<void(const OfFrame&)>& take) const;
+  void ForFrames(const std::function<void(const FrameInformation&)>& take) const;
 
   /// Information of the frames so far on the unknowns in units, with a prior of one unit on each:
   /// weak, but for the deformations of the target, whose tolerance it is. Its inverse times the
@@ -58,9 +58,9 @@ class ViewPredictor {
   /// Markers count where they are in the image with a margin, face the camera, and the image
   /// resolves the target's finest detail; of a plenoptic camera, where three micro images show
   /// them. A target is found when half of its markers count, or all unless it is found in part.
-  [[nodiscard]] Sight SightOf(size_t camera,
-                              const RigidTransform& T_rig_target,
-                              size_t most_markers) const;
+  [[nodiscard]] TargetVisibility PredictVisibility(size_t camera,
+                                                   const RigidTransform& T_rig_target,
+                                                   size_t most_markers) const;
 
  private:
   struct MarkerShape {
@@ -75,27 +75,28 @@ class ViewPredictor {
                                                      const RigidTransform& T_camera_target,
                                                      const MarkerShape& marker) const;
   /// `of_frame`: all observations of one frame.
-  [[nodiscard]] std::optional<OfFrame> FrameOf(std::span<const BundleObservation> of_frame) const;
+  [[nodiscard]] std::optional<FrameInformation> MakeFrameInformation(
+      std::span<const BundleObservation> of_frame) const;
   [[nodiscard]] std::vector<BundleObservation> Predicted(size_t camera,
                                                          const RigidTransform& T_rig_target,
                                                          const MarkerShape& marker,
                                                          double* repeats) const;
   /// The information is not set where the pose is not determined.
-  [[nodiscard]] std::optional<OfFrame> WithoutPose(const Sums& sums) const;
+  [[nodiscard]] std::optional<FrameInformation> WithoutPose(const Sums& sums) const;
 
-  const RigKnowledge& rig_;
+  const RigEstimate& rig_;
   const RigUnknowns& unknowns_;
   const ViewTarget& shape_;
   std::vector<MarkerShape> markers_;  // each next one the farthest from those before
   std::map<int, size_t> by_number_;   // of `markers_`
-  std::vector<MicroLensSight> lenses_;
+  std::vector<MicroLensVisibility> lenses_;
 };
 
 /// Sets the factors of a rig such that the variances of its cameras' parameters are those of the
 /// calibration (by their median ratio; at least 1).
-void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigKnowledge* rig);
+void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, RigEstimate* rig);
 
-/// A calibration with its factors, and a predictor of its frames. Throws as `KnowledgeOf`.
+/// A calibration with its factors, and a predictor of its frames. Throws as `MakeRigEstimate`.
 class CalibratedViews {
  public:
   explicit CalibratedViews(const CalibrationRecord& calibration);
@@ -106,12 +107,12 @@ class CalibratedViews {
   [[nodiscard]] const ViewPredictor& Predictor() const { return predictor_; }
   /// Per unknown: the root of its camera's factor.
   [[nodiscard]] Eigen::VectorXd Factors() const {
-    return ScaleOf(rig_, unknowns_).cwiseQuotient(unknowns_.unit);
+    return UnknownScales(rig_, unknowns_).cwiseQuotient(unknowns_.unit);
   }
 
  private:
   ViewTarget target_;
-  RigKnowledge rig_;
+  RigEstimate rig_;
   RigUnknowns unknowns_;
   ViewPredictor predictor_;
 };

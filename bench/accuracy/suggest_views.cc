@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "assess/compare.h"
-#include "assess/views/micro_lens_sight.h"
+#include "assess/views/micro_lens_visibility.h"
 #include "assess/views/next_views.h"
 #include "assess/views/view_information.h"
 #include "calib/base/error.h"
@@ -70,7 +70,7 @@ ViewTarget Board(double scale) {
 
 struct World {
   std::string name;
-  RigKnowledge truth;
+  RigEstimate truth;
   ViewTarget board;
   double bend = kBend;                     // m
   std::map<int, Eigen::Vector3d> markers;  // of the bent board
@@ -116,7 +116,7 @@ BundleCamera Lens(const std::string& kind, Dice* dice, bool master) {
 }
 
 // A hexagonal array that fills the image, 20 px apart.
-MicroLensArray LensesOf(ImageSize size, Dice* dice) {
+MicroLensArray LensesShowing(ImageSize size, Dice* dice) {
   constexpr double kPitch = 20;
   constexpr int kReach = 100;
   const double turn = dice->Uniform(-0.5, 0.5);
@@ -167,7 +167,7 @@ void AddPlenoptic(Dice* dice, World* world) {
        .fixed = std::vector<bool>(9, false),
        .T_camera_rig = {},
        .is_master = true});
-  world->truth.lenses = {LensesOf(kImage, dice)};
+  world->truth.lenses = {LensesShowing(kImage, dice)};
 }
 
 World MakeWorld(const std::string& kind, unsigned seed) {
@@ -204,29 +204,29 @@ World MakeWorld(const std::string& kind, unsigned seed) {
 struct Pool {
   std::vector<TargetPose> poses;
   std::vector<RigidTransform> T_rig_target;
-  std::vector<std::vector<Sight>> sights;  // per pose and camera
+  std::vector<std::vector<TargetVisibility>> visibilities;  // per pose and camera
 };
 
 Pool Feasible(const World& world) {
   Pool pool;
-  const RigKnowledge& truth = world.truth;
+  const RigEstimate& truth = world.truth;
   const ViewTarget& board = world.board;
-  const RigUnknowns unknowns = UnknownsOf(truth.bundle, 1);
+  const RigUnknowns unknowns = MakeRigUnknowns(truth.bundle, 1);
   const ViewPredictor predictor(truth, unknowns, board);
   for (size_t c = 0; c < truth.bundle.cameras.size(); ++c) {
-    const ViewRange range = RangeOf(truth, c, board, {}, world.range);
-    for (const TargetPose& pose : PosesBefore(truth, c, board, range, 50 * kDegree)) {
+    const ViewRange range = FeasibleRange(truth, c, board, {}, world.range);
+    for (const TargetPose& pose : CandidatePoses(truth, c, board, range, 50 * kDegree)) {
       const auto T = PlaceTarget(truth, board, pose);
       if (!T) continue;
       const RigidTransform T_rig_target = truth.bundle.cameras[c].T_camera_rig.Inverse() * *T;
-      std::vector<Sight> sights;
+      std::vector<TargetVisibility> visibilities;
       for (size_t other = 0; other < truth.bundle.cameras.size(); ++other) {
-        sights.push_back(predictor.SightOf(other, T_rig_target, 40));
+        visibilities.push_back(predictor.PredictVisibility(other, T_rig_target, 40));
       }
-      if (!sights[c].found) continue;
+      if (!visibilities[c].found) continue;
       pool.poses.push_back(pose);
       pool.T_rig_target.push_back(T_rig_target);
-      pool.sights.push_back(std::move(sights));
+      pool.visibilities.push_back(std::move(visibilities));
     }
   }
   return pool;
@@ -257,7 +257,7 @@ struct Imaged {
 
 Imaged ImagesOf(const World& world,
                 size_t c,
-                const MicroLensSight& lenses,
+                const MicroLensVisibility& lenses,
                 const RigidTransform& T,
                 const Eigen::Vector3d& p) {
   const BundleCamera& camera = world.truth.bundle.cameras[c];
@@ -274,7 +274,7 @@ Imaged ImagesOf(const World& world,
   };
   if (camera.model->plenoptic) {
     constexpr size_t kAll = 1000;
-    for (const Eigen::Vector2d& centre : lenses.LensesOf(camera, p, kAll).centres) {
+    for (const Eigen::Vector2d& centre : lenses.LensesShowing(camera, p, kAll).centres) {
       Observation seen{.values = {0, 0, centre.x(), centre.y()}};
       if (project(p, &seen)) imaged.points.push_back(seen);
     }
@@ -304,8 +304,8 @@ void Record(const World& world,
             std::vector<CameraInput>* cameras) {
   for (size_t c = 0; c < cameras->size(); ++c) {
     const RigidTransform T = world.truth.bundle.cameras[c].T_camera_rig * T_rig_target;
-    const MicroLensSight lenses =
-        world.IsPlenoptic() ? MicroLensSight(world.truth.lenses[c]) : MicroLensSight();
+    const MicroLensVisibility lenses =
+        world.IsPlenoptic() ? MicroLensVisibility(world.truth.lenses[c]) : MicroLensVisibility();
     View view{.frame = fmt::format("{:03}", frame), .observations = {}};
     Eigen::Matrix2d shared;
     for (double& value : shared.reshaped()) value = dice->Gaussian(kFrameError);
@@ -338,14 +338,14 @@ void Record(const World& world,
 
 struct Solved {
   CalibrationRecord record;
-  RigKnowledge rig;
+  RigEstimate rig;
   double phi = 0, error = 0;  // px
 };
 
-double PhiOf(const RigKnowledge& rig,
+double PhiOf(const RigEstimate& rig,
              const ViewTarget& board,
              const std::vector<double>& distances) {
-  const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
+  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, distances[0]);
   const Eigen::MatrixXd S = ViewPredictor(rig, unknowns, board).InformationSoFar();
   return ProjectionSigma(rig, unknowns, distances)
       .Of(S.llt().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols())));
@@ -360,7 +360,7 @@ std::optional<Solved> Solve(const World& world,
                                  .marker_freedom = MarkerFreedom::FromSigma(world.bend),
                                  .loss = Loss::kHuber};
     Solved solved{Describe(Calibrate(input, {.threads = 1, .progress = {}})), {}};
-    solved.rig = KnowledgeOf(solved.record);
+    solved.rig = MakeRigEstimate(solved.record);
     solved.rig.lenses = world.truth.lenses;
     SetFactors(solved.record, world.board, &solved.rig);
     solved.phi = PhiOf(solved.rig, world.board, distances);
@@ -416,8 +416,8 @@ class Coverage {
  private:
   std::set<size_t> Keys(size_t i) const {
     std::set<size_t> keys;
-    for (size_t c = 0; c < pool_.sights[i].size(); ++c) {
-      for (const Eigen::Vector2d& u : pool_.sights[i][c].u_px) keys.insert(CellOf(u, c));
+    for (size_t c = 0; c < pool_.visibilities[i].size(); ++c) {
+      for (const Eigen::Vector2d& u : pool_.visibilities[i][c].u_px) keys.insert(CellOf(u, c));
     }
     const TargetPose& pose = pool_.poses[i];
     const auto tilt = pose.tilt < 0.1
@@ -479,12 +479,12 @@ Outcome RunPolicy(const World& world,
       predicted = next.views[0].criterion == ViewCriterion::kSigma ? 1 : 0;
       // Sigma after it at the distances of the bench.
       if (predicted > 0) {
-        RigKnowledge rig = solved->rig;
-        const RigUnknowns unknowns = UnknownsOf(rig.bundle, distances[0]);
+        RigEstimate rig = solved->rig;
+        const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, distances[0]);
         const ViewPredictor predictor(rig, unknowns, world.board);
         Eigen::MatrixXd S = predictor.InformationSoFar();
         const RigidTransform& T_c = rig.bundle.cameras[pose.camera].T_camera_rig;
-        const auto executed = Executions(T_c * T, world.board, kExecutionAngle, kExecutionPart);
+        const auto executed = ExecutedPoses(T_c * T, world.board, kExecutionAngle, kExecutionPart);
         for (const RigidTransform& each : executed) {
           if (const auto more = predictor.Information(T_c.Inverse() * each, 200))
             S += *more / executed.size();

@@ -152,7 +152,7 @@ Json SigmaMapsJson(const CalibrationRecord& record, size_t camera) {
 }
 
 Json FieldJson(const CalibratedCamera& camera) {
-  const ResidualField field = FieldOf(camera);
+  const ResidualField field = MakeResidualField(camera);
   Json mean_x = Json::array(), mean_y = Json::array(), rms = Json::array();
   for (size_t cell = 0; cell < field.grid.Cells(); ++cell) {
     const bool any = field.points[cell] > 0;

@@ -12,7 +12,7 @@
 #include <set>
 #include <utility>
 
-#include "assess/frames/frame_gain.h"
+#include "assess/frames/frame_selection.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/quoted_text.h"
@@ -267,8 +267,8 @@ class FrameChooser {
     return chosen;
   }
 
-  /// Cameras and information of a calibration from a few instants.
-  [[nodiscard]] RigKnowledge FirstInformation(const std::vector<size_t>& instants) {
+  /// Estimate of the rig by a calibration from a few instants.
+  [[nodiscard]] RigEstimate FirstEstimate(const std::vector<size_t>& instants) {
     run_.Progress("first calibration");
     std::vector<CameraInput> inputs;
     for (size_t c = 0; c < session_.cameras.size(); ++c) {
@@ -286,12 +286,11 @@ class FrameChooser {
         Calibrate(MakeCalibrationInput(session_, target_, std::move(inputs), silent),
                   {.threads = run_.threads,
                    .progress = [&](const std::string& stage) { return silent.Progress(stage); }});
-    return KnowledgeOf(Describe(calibration));
+    return MakeRigEstimate(Describe(calibration));
   }
 
   /// The target's pose by the first camera that shows enough of it.
-  [[nodiscard]] std::optional<RigidTransform> PoseOf(const RigKnowledge& rig,
-                                                     size_t instant) const {
+  [[nodiscard]] std::optional<RigidTransform> PoseOf(const RigEstimate& rig, size_t instant) const {
     for (size_t c = 0; c < sketches_.size(); ++c) {
       const View view = ViewOf(instant, c);
       if (view.observations.size() < kFewestPoints) continue;
@@ -306,7 +305,7 @@ class FrameChooser {
     std::set<size_t> chosen;
     std::string why = "adds little to the frames that are chosen";
     try {
-      const RigKnowledge rig = FirstInformation(MostDifferent(rested, kFirstFrames));
+      const RigEstimate rig = FirstEstimate(MostDifferent(rested, kFirstFrames));
       run_.Progress("information of the frames");
       std::vector<std::optional<RigidTransform>> poses(rested.size());
       ParallelFor(
@@ -318,8 +317,8 @@ class FrameChooser {
         posed.push_back(rested[i]);
         T_rig_target.push_back(*poses[i]);
       }
-      const FrameGain gain =
-          ChooseByInformation(rig, ViewTargetOf(target_), T_rig_target, wanted, run_.threads);
+      const FrameSelection gain =
+          SelectFrames(rig, MakeViewTarget(target_), T_rig_target, wanted, run_.threads);
       for (const size_t i : gain.chosen) chosen.insert(posed[i]);
       if (!gain.sigma.empty()) {
         why = fmt::format(

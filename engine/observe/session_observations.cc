@@ -10,7 +10,7 @@
 #include <span>
 #include <utility>
 
-#include "assess/causes/image_causes.h"
+#include "assess/causes/cause.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/detections.h"
@@ -203,7 +203,8 @@ class Collector {
       run_.Message(
           fmt::format("{}: detections of {} reused", camera.name, Counted(found.reused, "image")));
     }
-    for (const Finding& note : FindOrientationTags(camera.name, found.traits)) {
+    for (const Finding& note :
+         FindCauses(CauseStage::kImageFile, {.name = camera.name, .traits = &found.traits})) {
       run_.Message(fmt::format("{} {}", note.what, note.remedy));
     }
     PrintLeftOut(found.left_out);

@@ -145,7 +145,7 @@ CalibratedPoses ReadCalibratedPoses(const std::filesystem::path& folder) {
   std::map<std::string, PoseErrors> errors;
   try {
     const CalibrationRecord calibration = OpenCalibrationFolder(folder);
-    for (auto& [frame, of_frame] : ErrorsOfPoses(calibration)) {
+    for (auto& [frame, of_frame] : ComputePoseErrors(calibration)) {
       errors[calibration.frames[static_cast<size_t>(frame)].name] = std::move(of_frame);
     }
   } catch (const Error& error) {

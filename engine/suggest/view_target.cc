@@ -27,7 +27,7 @@ std::vector<Eigen::Vector3d> PaperOutline(const TargetPart& part) {
 
 }  // namespace
 
-ViewTarget ViewTargetOf(const Target& target) {
+ViewTarget MakeViewTarget(const Target& target) {
   ViewTarget shape{.markers = target.markers};
   for (const auto& [number, position] : target.markers) {
     shape.normals[number] = std::visit(

@@ -133,7 +133,7 @@ nb::dict Residuals(const Record& calibration, size_t index) {
 nb::bytes ResidualPicture(const Record& calibration, size_t index) {
   const CalibratedCamera& camera = calibration.record.cameras.at(index);
   if (camera.residuals.empty()) return nb::bytes("", 0);
-  const ResidualField field = FieldOf(camera);
+  const ResidualField field = MakeResidualField(camera);
   FieldMap map{camera.name + ": mean residuals",
                camera.image_size,
                field.grid.Columns(),

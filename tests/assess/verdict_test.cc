@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assess/causes/cause.h"
 #include "assess/causes/diagnose.h"
 #include "calib/estimate/describe.h"
 #include "models/registry.h"
@@ -268,7 +269,7 @@ TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
   record.findings = {{.code = "noise_excess", .grade = Grade::kBad, .cameras = {"left"}},
                      {.code = "rolling_shutter", .grade = Grade::kUsable, .cameras = {"left"}},
                      {.code = "focus_changed", .grade = Grade::kUsable, .cameras = {"right"}}};
-  const Verdict verdict = Judge(record);
+  const Verdict verdict = Judge(record, CauseCodes());
   EXPECT_EQ(verdict.findings[0].code, "rolling_shutter");
   EXPECT_EQ(verdict.findings[0].grade, Grade::kBad);
   EXPECT_EQ(verdict.findings.back().grade, Grade::kUsable);

@@ -206,6 +206,45 @@ TEST(Documents, HaveAMonteCarloRowForEachStandardErrorThatIsWritten) {
 }
 
 // A reader of the repository has nothing else.
+// Codes of findings in the product's sources.
+std::set<std::string> CodesOfFindings() {
+  const std::regex entry(R"(\.code = ([^,]*)[,;])"), code(R"re("([A-Za-z_]+)")re");
+  std::set<std::string> codes;
+  for (const char* top : {"calib", "assess", "targets", "engine"}) {
+    for (const auto& file : fs::recursive_directory_iterator(fs::path(PLENOCAL_SOURCE) / top)) {
+      const std::string extension = file.path().extension().string();
+      if (extension != ".cc" && extension != ".h") continue;
+      std::string text;
+      for (const std::string& line : LinesOf(file.path())) text += line + " ";
+      for (std::sregex_iterator at(text.begin(), text.end(), entry), end; at != end; ++at) {
+        const std::string words = (*at)[1];
+        for (std::sregex_iterator word(words.begin(), words.end(), code); word != end; ++word) {
+          codes.insert((*word)[1]);
+        }
+      }
+    }
+  }
+  codes.erase("warning");  // of results that were written before findings had codes
+  return codes;
+}
+
+TEST(Documents, NameTheCodesOfAllFindings) {
+  // A note that has no row of its own.
+  std::set<std::string> documented{"orientation_tag"};
+  bool is_code = false;
+  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "docs/diagnosis.md")) {
+    if (!line.starts_with("|")) {
+      is_code = false;
+    } else if (line.starts_with("| code |")) {
+      is_code = true;
+    } else if (is_code) {
+      for (const std::string& name : Quoted(Cells(line).at(0))) documented.insert(name);
+    }
+  }
+  documented.erase("target_border_bits");  // of an error, which is no finding
+  EXPECT_EQ(CodesOfFindings(), documented);
+}
+
 TEST(Repository, PointsToNothingOutsideOfIt) {
   const std::regex outside(
       R"((^|[^a-zA-Z_])shared/)"

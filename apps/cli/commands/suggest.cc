@@ -41,9 +41,9 @@ std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) 
 void RunSuggest(const SuggestArguments& arguments, Console* console) {
   const Run run = console->NewRun();
   if (!arguments.images.empty()) {
-    const PictureWorth worth = WeighPictures(arguments.input, PicturesOf(arguments), run);
-    if (arguments.json) return fmt::print("{}\n", JsonText(WorthJson(worth)));
-    return console->Print(WordsOf(worth) + "\n");
+    const PictureGain gain = EvaluatePictures(arguments.input, PicturesOf(arguments), run);
+    if (arguments.json) return fmt::print("{}\n", JsonText(PictureGainJson(gain)));
+    return console->Print(PictureGainText(gain) + "\n");
   }
   std::optional<PictureFormat> format;
   if (!arguments.picture.empty()) format = PictureFormatOf(arguments.picture);
@@ -55,7 +55,7 @@ void RunSuggest(const SuggestArguments& arguments, Console* console) {
   if (!arguments.json) {
     const bool assumed_angle = arguments.angle > 0;
     return console->Print(
-        WordsOf(suggested.views, suggested.rig, suggested.verdict, assumed_angle));
+        NextViewsText(suggested.views, suggested.rig, suggested.verdict, assumed_angle));
   }
   fmt::print("{}\n", JsonText(SuggestionsJson(suggested)));
 }

@@ -13,12 +13,12 @@ namespace TEST_FILE {
 
 struct Known {
   CalibrationRecord record;
-  RigKnowledge rig;
+  RigEstimate rig;
 };
 
 Known KnownFrom(const CalibrationInput& input, const ViewTarget& shape) {
   Known known{Describe(Calibrate(input, {})), {}};
-  known.rig = KnowledgeOf(known.record);
+  known.rig = MakeRigEstimate(known.record);
   SetFactors(known.record, shape, &known.rig);
   return known;
 }

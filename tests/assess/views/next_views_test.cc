@@ -41,13 +41,13 @@ ViewTarget BoardOf(const std::map<int, Eigen::Vector3d>& markers, bool in_part =
 struct Known {
   Calibration calibration;
   CalibrationRecord record;
-  RigKnowledge rig;
+  RigEstimate rig;
 };
 
 Known KnownFrom(const CalibrationInput& input) {
   Known known{Calibrate(input, {}), {}, {}};
   known.record = Describe(known.calibration);
-  known.rig = KnowledgeOf(known.record);
+  known.rig = MakeRigEstimate(known.record);
   std::map<int, Eigen::Vector3d> markers;
   for (const auto& [number, marker] : known.record.markers) markers[number] = marker.position;
   SetFactors(known.record, BoardOf(markers), &known.rig);
@@ -58,7 +58,7 @@ Eigen::MatrixXd Inverted(const Eigen::MatrixXd& information) {
   return information.llt().solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
 }
 
-Eigen::MatrixXd SoFar(const RigKnowledge& rig, const RigUnknowns& unknowns) {
+Eigen::MatrixXd SoFar(const RigEstimate& rig, const RigUnknowns& unknowns) {
   std::map<int, Eigen::Vector3d> markers;
   for (const BundleMarker& marker : rig.bundle.markers) markers[marker.number] = marker.position;
   return ViewPredictor(rig, unknowns, BoardOf(markers)).InformationSoFar();
@@ -75,11 +75,11 @@ CalibrationInput TakeFrames(CalibrationInput input, size_t first, size_t count) 
 
 TEST(RigKnowledgeOfRecord, HasTheCovarianceOfTheCalibration) {
   const Known known = KnownFrom(MakeProblem(4, {.cameras = 2, .frames = 12, .noise = 0.1}).input);
-  const RigUnknowns unknowns = UnknownsOf(known.rig.bundle, 1);
+  const RigUnknowns unknowns = MakeRigUnknowns(known.rig.bundle, 1);
   ASSERT_EQ(unknowns.names, known.calibration.uncertainty.names);
   EXPECT_EQ(unknowns.unit.size(), unknowns.head);
   const Eigen::MatrixXd covariance = Inverted(SoFar(known.rig, unknowns));
-  const Eigen::VectorXd scale = ScaleOf(known.rig, unknowns);
+  const Eigen::VectorXd scale = UnknownScales(known.rig, unknowns);
   const Eigen::MatrixXd& truth = known.calibration.uncertainty.covariance;
   for (Eigen::Index i = 0; i < truth.rows(); ++i) {
     // The factor is one of each camera, a median, as the record has several roundings.
@@ -94,11 +94,11 @@ TEST(ViewPredictor, FindsTheInformationThatTheFrameAddsToTheAdjustment) {
     const SyntheticProblem problem =
         MakeProblem(7, {.cameras = 2, .frames = 10, .noise = 0.1, .marker_tolerance = tolerance});
     Known known = KnownFrom(problem.input);
-    RigKnowledge& rig = known.rig;
-    const RigUnknowns unknowns = UnknownsOf(rig.bundle, 1);
+    RigEstimate& rig = known.rig;
+    const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, 1);
     const Eigen::MatrixXd with = SoFar(rig, unknowns);
     // The same frames without the last.
-    RigKnowledge fewer = rig;
+    RigEstimate fewer = rig;
     const int last = static_cast<int>(rig.bundle.T_rig_target.size()) - 1;
     std::erase_if(fewer.bundle.observations,
                   [&](const BundleObservation& each) { return each.frame == last; });
@@ -159,7 +159,7 @@ TEST(FrameInfluence, IsTheChangeWithoutTheFrame) {
 
 TEST(ProjectionSigmaOfACamera, IsTheImageSigma) {
   const Known known = KnownFrom(MakeProblem(4, {.frames = 12, .noise = 0.1}).input);
-  const RigUnknowns unknowns = UnknownsOf(known.rig.bundle, 1);
+  const RigUnknowns unknowns = MakeRigUnknowns(known.rig.bundle, 1);
   const std::vector<double> distances{0.5, 1, 5};
   const ProjectionSigma projection(known.rig, unknowns, distances);
   const double sigma = projection.Of(Inverted(SoFar(known.rig, unknowns)));
@@ -177,7 +177,7 @@ TEST(NextViews, LowerSigmaAsPredictedWhenTheyAreTaken) {
   ASSERT_EQ(next.views.size(), 3u);
   EXPECT_FALSE(next.reached);
   double before = next.sigma;
-  RigKnowledge taken = known.rig;
+  RigEstimate taken = known.rig;
   for (const NextView& view : next.views) {
     EXPECT_LT(view.sigma_after, before);
     before = view.sigma_after;
@@ -201,7 +201,7 @@ TEST(NextViews, LowerSigmaAsPredictedWhenTheyAreTaken) {
     }
     taken.bundle.T_rig_target.push_back(view.T_rig_target);
   }
-  const RigUnknowns unknowns = UnknownsOf(taken.bundle, 1);
+  const RigUnknowns unknowns = MakeRigUnknowns(taken.bundle, 1);
   const ProjectionSigma projection(taken, unknowns, next.distances);
   const double sigma = projection.Of(Inverted(SoFar(taken, unknowns)));
   // The suggestion averages over its execution by a person.
@@ -214,7 +214,7 @@ TEST(NextViews, AreBetterThanMoreOfTheSame) {
   Known known = KnownFrom(TakeFrames(problem.input, 0, 6));
   const NextViews next = ChooseNextViews(known.rig, BoardOf(problem.markers), {.count = 2});
   const Known six_more = KnownFrom(problem.input);
-  const RigUnknowns unknowns = UnknownsOf(six_more.rig.bundle, 1);
+  const RigUnknowns unknowns = MakeRigUnknowns(six_more.rig.bundle, 1);
   const ProjectionSigma projection(six_more.rig, unknowns, next.distances);
   ASSERT_EQ(next.views.size(), 2u);
   EXPECT_LT(next.views[1].sigma_after, projection.Of(Inverted(SoFar(six_more.rig, unknowns))));
@@ -281,7 +281,7 @@ TEST(NextViews, OfARigAreSeenByBothCameras) {
     EXPECT_TRUE(std::ranges::count(view.cameras, view.pose.camera) == 1)
         << "the words name a camera that sees it";
   }
-  EXPECT_THAT(WordsOf(next.views[0], known.rig), HasSubstr("seen by cam0, cam1"));
+  EXPECT_THAT(NextViewText(next.views[0], known.rig), HasSubstr("seen by cam0, cam1"));
 }
 
 TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
@@ -309,7 +309,7 @@ TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
   const NextViews next = ChooseNextViews(known.rig, BoardOf(problem.markers, true), {.count = 2});
   ASSERT_FALSE(next.views.empty());
   EXPECT_LT(next.views[0].sigma_after, next.views[0].sigma_before);
-  const std::vector<double> seen = DistancesOfPoints(known.rig.bundle, 0);
+  const std::vector<double> seen = PointDistances(known.rig.bundle, 0);
   EXPECT_GT(next.views[0].pose.distance, seen.front() / 2.5);
   EXPECT_LT(next.views[0].pose.distance, seen.back() * 2.5);
   EXPECT_FALSE(next.views[0].outlines.at(0).at(0).empty());
@@ -322,7 +322,7 @@ TEST(NextViews, AreInWords) {
                 .region = 0,
                 .region_before = 1.63,
                 .region_after = 0.41};
-  EXPECT_EQ(WordsOf(view, known.rig),
+  EXPECT_EQ(NextViewText(view, known.rig),
             "target in the upper left corner, 30 cm away, its right side tilted away by 40 "
             "degrees: sigma in the upper left corner 1.6 -> 0.41 px");
 }

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/frames/frame_information_gain.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "assess/views/information_state.h"
+#include "assess/views/next_views.h"
+#include "assess/views/view_information.h"
+
+namespace plenocal {
+namespace {
+
+// A frame at the end of a rig's frames.
+void Append(const RigidTransform& T_rig_target, const std::vector<View>& views, RigEstimate* rig) {
+  Bundle& bundle = rig->bundle;
+  std::map<int, int> index;
+  for (size_t m = 0; m < bundle.markers.size(); ++m) {
+    index[bundle.markers[m].number] = static_cast<int>(m);
+  }
+  const auto frame = static_cast<int>(bundle.T_rig_target.size());
+  bundle.T_rig_target.push_back(T_rig_target);
+  for (size_t c = 0; c < views.size(); ++c) {
+    const size_t first = bundle.observations.size();
+    for (const Observation& seen : views[c].observations) {
+      const auto marker = index.find(seen.marker);
+      if (marker == index.end()) continue;
+      bundle.observations.push_back({.camera = static_cast<int>(c),
+                                     .frame = frame,
+                                     .marker = marker->second,
+                                     .seen = seen,
+                                     .assumed_sigma = rig->sigma_px[c]});
+    }
+    std::ranges::stable_sort(bundle.observations.begin() + static_cast<std::ptrdiff_t>(first),
+                             bundle.observations.end(),
+                             {},
+                             &BundleObservation::marker);
+  }
+  if (bundle.jitter.misplaced.empty()) return;
+  const size_t all = bundle.T_rig_target.size() * bundle.cameras.size();
+  bundle.jitter.delta.resize(all, Vector6d::Zero());
+  bundle.jitter.misplaced.resize(all, false);
+}
+
+RigEstimate WithoutFrames(RigEstimate rig) {
+  rig.bundle.T_rig_target.clear();
+  rig.bundle.observations.clear();
+  rig.bundle.jitter.delta.clear();
+  rig.bundle.jitter.misplaced.clear();
+  return rig;
+}
+
+}  // namespace
+
+// What follows from the frames so far.
+struct FrameGainEvaluator::State {
+  State(const RigEstimate& rig, const ViewTarget& shape, int threads)
+      : best(ChooseNextViews(rig, shape, {.count = 1, .threads = threads})),
+        unknowns(MakeRigUnknowns(rig.bundle, best.distances[0])),
+        projection(rig, unknowns, best.distances),
+        information(
+            ViewPredictor(rig, unknowns, shape).InformationSoFar(), unknowns.head, projection) {
+    if (best.views.empty()) return;
+    const auto more = ViewPredictor(rig, unknowns, shape)
+                          .Information(best.views[0].T_rig_target, shape.markers.size());
+    if (more) best_gain = information.Gain(*more);
+  }
+
+  NextViews best;
+  RigUnknowns unknowns;
+  ProjectionSigma projection;
+  InformationState information;
+  double best_gain = 0;
+};
+
+FrameGainEvaluator::FrameGainEvaluator(RigEstimate rig, ViewTarget shape, int threads)
+    : rig_(std::move(rig)),
+      without_frames_(WithoutFrames(rig_)),
+      shape_(std::move(shape)),
+      threads_(threads),
+      state_(std::make_unique<State>(rig_, shape_, threads)) {}
+
+FrameGainEvaluator::FrameGainEvaluator(FrameGainEvaluator&&) noexcept = default;
+FrameGainEvaluator::~FrameGainEvaluator() = default;
+
+FrameInformationGain FrameGainEvaluator::Evaluate(const RigidTransform& T_rig_target,
+                                                  const std::vector<View>& views) const {
+  RigEstimate one = without_frames_;
+  Append(T_rig_target, views, &one);
+  FrameInformationGain gain;
+  gain.sigma_before = gain.sigma_after = state_->information.SigmaOfImages();
+  ViewPredictor(one, state_->unknowns, shape_)
+      .ForFrames([&](const ViewPredictor::FrameInformation& of_frame) {
+        const double lowered = state_->information.Gain(of_frame.information);
+        if (state_->best_gain > 0) gain.share = std::max(0.0, lowered / state_->best_gain);
+        InformationState with = state_->information;
+        with.Add(of_frame.information);
+        gain.sigma_after = with.SigmaOfImages();
+      });
+  return gain;
+}
+
+void FrameGainEvaluator::Add(const RigidTransform& T_rig_target, const std::vector<View>& views) {
+  Append(T_rig_target, views, &rig_);
+  state_ = std::make_unique<State>(rig_, shape_, threads_);
+}
+
+}  // namespace plenocal
