@@ -73,7 +73,7 @@ CalibrationInput TakeFrames(CalibrationInput input, size_t first, size_t count) 
   return input;
 }
 
-TEST(RigKnowledgeOfRecord, HasTheCovarianceOfTheCalibration) {
+TEST(RigEstimateOfRecord, HasTheCovarianceOfTheCalibration) {
   const Known known = KnownFrom(MakeProblem(4, {.cameras = 2, .frames = 12, .noise = 0.1}).input);
   const RigUnknowns unknowns = MakeRigUnknowns(known.rig.bundle, 1);
   ASSERT_EQ(unknowns.names, known.calibration.uncertainty.names);
