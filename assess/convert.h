@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Conversion of a camera to another camera model.
 #pragma once
 
 #include <Eigen/Core>

@@ -13,8 +13,8 @@
 #include <set>
 #include <tuple>
 
-#include "assess/held_out_frames.h"
-#include "assess/held_out_scores.h"
+#include "assess/held_out/held_out_frames.h"
+#include "assess/held_out/held_out_scores.h"
 #include "assess/projection.h"
 #include "calib/adjust/solver/problem.h"
 #include "calib/base/format_error.h"

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Extent of the poses in which a camera has seen the target.
 #pragma once
 
 #include <string>

@@ -224,6 +224,7 @@ std::set<std::string> CodesOfFindings() {
       }
     }
   }
+  codes.erase("code");     // read from a file
   codes.erase("warning");  // of results that were written before findings had codes
   return codes;
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Poses and residuals of frames that a calibration has not used.
 #pragma once
 
 #include <span>
 #include <vector>
 
-#include "assess/held_out_scores.h"
+#include "assess/held_out/held_out_scores.h"
 #include "calib/adjust/bundle.h"
 
 namespace plenocal {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "assess/held_out_scores.h"
+#include "assess/held_out/held_out_scores.h"
 
 #include <algorithm>
 #include <cmath>
