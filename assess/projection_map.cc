@@ -147,7 +147,8 @@ std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calib
       if (!Differentiate(camera, row->values.data(), p, &projected)) continue;
       const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
       if (!(sigma > 0)) continue;
-      const Eigen::Matrix<double, 3, 2> weighted = projected.by_point.topRows<2>().transpose() / (sigma * sigma);
+      const Eigen::Matrix<double, 3, 2> weighted =
+          projected.by_point.topRows<2>().transpose() / (sigma * sigma);
       normal += weighted * projected.by_point.topRows<2>();
       mixed += weighted * projected.by_params;
     }

@@ -13,7 +13,7 @@ namespace plenocal {
 namespace {
 
 constexpr size_t kGainMarkers = 40;  // of a target: more of them change the order little
-constexpr double kEnough = 1.02;      // sigma over that of all frames, below which more add little
+constexpr double kEnough = 1.02;     // sigma over that of all frames, below which more add little
 
 }  // namespace
 

@@ -210,9 +210,8 @@ std::vector<double> PointDistances(const Bundle& bundle, size_t camera) {
   std::vector<double> distances;
   for (const BundleObservation& each : bundle.observations) {
     if (each.camera != static_cast<int>(camera) || !each.used) continue;
-    const RigidTransform T_camera_target =
-        bundle.cameras[camera].T_camera_rig *
-        bundle.SeenPose(static_cast<size_t>(each.frame), camera);
+    const RigidTransform T_camera_target = bundle.cameras[camera].T_camera_rig *
+                                           bundle.SeenPose(static_cast<size_t>(each.frame), camera);
     distances.push_back(
         (T_camera_target * bundle.markers[static_cast<size_t>(each.marker)].position).norm());
   }
