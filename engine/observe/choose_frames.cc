@@ -20,6 +20,7 @@
 #include "calib/estimate/calibrate.h"
 #include "calib/estimate/describe.h"
 #include "calib/files/exclusion.h"
+#include "calib/start/camera_guess.h"
 #include "detectors/detect.h"
 #include "engine/session/calibration_input.h"
 #include "engine/suggest/view_target.h"
