@@ -57,7 +57,7 @@ SceneCalibrationInput Input() {
   }
   return {.cameras = {.inputs = {camera},
                       .T_camera_rig = {std::nullopt},
-                      .holds_extrinsics = {false},
+                      .fixed_extrinsics = {false},
                       .prior = {},
                       .without_sigmas = {false}},
           .distances = {}};
