@@ -2,8 +2,8 @@
 #include "detectors/detect.h"
 
 #include "detectors/images/detect_images.h"
-#include "detectors/marker_detectors.h"
 #include "detectors/plenoptic/detect_plenoptic.h"
+#include "detectors/types/marker_detectors.h"
 
 namespace plenocal {
 
@@ -11,10 +11,10 @@ ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
                              const DetectOptions& options,
-                             const Rivals& rivals) {
+                             const OtherTargets& others) {
   if (optics == CameraOptics::kPlenoptic) return DetectPlenopticImages(images, target, options);
   return DetectOrdinaryImages(
-      images, [&] { return MakeMarkerDetector(target, rivals); }, options);
+      images, [&] { return MakeMarkerDetector(target, others); }, options);
 }
 
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Detection of a target in the images of one camera, ordinary or plenoptic.
 #pragma once
 
 #include <vector>
 
 #include "calib/files/frame_images.h"
 #include "detectors/images/image_detections.h"
-#include "detectors/images/rivals.h"
+#include "detectors/images/other_targets.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -16,12 +18,12 @@ enum class CameraOptics {
 };
 
 /// Finds the target in all images of one camera: `DetectOrdinaryImages` or `DetectPlenopticImages`.
-/// `rivals` as of `MakeMarkerDetector`; of ordinary cameras only.
+/// `others` as of `MakeMarkerDetector`; of ordinary cameras only.
 ImageDetections DetectImages(const std::vector<FrameImage>& images,
                              const Target& target,
                              CameraOptics optics,
                              const DetectOptions& options,
-                             const Rivals& rivals = {});
+                             const OtherTargets& others = {});
 
 /// `SketchOrdinaryImages` of this target.
 std::vector<ImageSketch> SketchImages(const std::vector<FrameImage>& images,

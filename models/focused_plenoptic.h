@@ -4,6 +4,7 @@
 // micro-lens centres are c_ML = c_I b_L0 / (b_L0 + B). Equations: models/start/plenoptic_model.h.
 #pragma once
 
+#include "models/pinhole_radial3.h"
 #include "models/start/plenoptic_model.h"
 #include "models/start/plenoptic_start.h"
 
@@ -19,7 +20,7 @@ struct FocusedPlenoptic : PlenopticModel<1> {
       0.0161, 0.0149, 0.00052, 402.0, 391.0, -420.0, 3.1e6, 0.061, -0.042};
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
-    return StartPlenoptic(problem);
+    return StartPlenoptic(MakeCameraModel<PinholeRadial3>(), problem);
   }
 };
 

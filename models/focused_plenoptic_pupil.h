@@ -11,6 +11,7 @@
 
 #include <algorithm>
 
+#include "models/pinhole_radial3.h"
 #include "models/start/plenoptic_model.h"
 #include "models/start/plenoptic_start.h"
 
@@ -39,7 +40,7 @@ struct FocusedPlenopticPupil : PlenopticModel<9> {
   }
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
-    return StartPlenopticPupil(problem);
+    return StartPlenopticPupil(MakeCameraModel<PinholeRadial3>(), problem);
   }
 };
 

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 
+#include "models/pinhole_radial3.h"
 #include "models/start/plenoptic_model.h"
 #include "models/start/plenoptic_start.h"
 
@@ -31,7 +32,8 @@ struct FocusedPlenopticTilt : PlenopticModel<1, 9> {
       0.0161, 0.0149, 0.00052, 402.0, 391.0, -420.0, 3.1e6, 0.061, -0.042, 0.0021, -0.0014};
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
-    std::vector<StartCandidate> candidates = StartPlenoptic(problem);
+    std::vector<StartCandidate> candidates =
+        StartPlenoptic(MakeCameraModel<PinholeRadial3>(), problem);
     for (StartCandidate& candidate : candidates) {
       for (const size_t k : {kSharedParams.size(), kSharedParams.size() + 1}) {
         candidate.params.push_back(problem.given[k].value_or(0));

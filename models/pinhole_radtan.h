@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pinhole camera with
-// three radial and two tangential terms, OpenCV's five coefficients.
+// Pinhole camera with three radial and two tangential terms, OpenCV's five coefficients.
 // Equations and source: models/start/radtan_model.h.
 #pragma once
 

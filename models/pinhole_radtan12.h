@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pinhole camera with
-// rational radial, tangential and thin-prism terms, OpenCV's twelve coefficients.
+// Pinhole camera with rational radial, tangential and thin-prism terms, OpenCV's twelve
+// coefficients.
 // Equations and source: models/start/radtan_model.h.
 #pragma once
 

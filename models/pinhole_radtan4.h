@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pinhole camera with
-// two radial and two tangential terms, OpenCV's first four coefficients (Kalibr's pinhole-radtan).
+// Pinhole camera with two radial and two tangential terms, OpenCV's first four coefficients
+// (Kalibr's pinhole-radtan).
 // Equations and source: models/start/radtan_model.h.
 #pragma once
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Pinhole camera with
-// rational radial and two tangential terms, OpenCV's eight coefficients.
+// Pinhole camera with rational radial and two tangential terms, OpenCV's eight coefficients.
 // Equations and source: models/start/radtan_model.h.
 #pragma once
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The families of AprilTags and the dictionaries of ArUco markers that targets may have.
 #pragma once
 
 #include <array>

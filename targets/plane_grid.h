@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Parts of the target types whose markers are a grid in a plane.
 #pragma once
 
 #include <fmt/format.h>
@@ -14,6 +16,17 @@
 
 namespace plenocal::internal {
 
+/// The parts of a target type (`IsTargetLayout`) that boards share: one flat part in the plane z =
+/// 0, whose y axis points down.
+struct PlaneBoard {
+  static constexpr bool kHasNominalMarkers = true;
+  [[nodiscard]] static int Part(int /*marker*/) { return 0; }
+  [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& /*markers*/, int /*marker*/) {
+    return {0, 0, -1};
+  }
+  [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
+};
+
 /// Markers in the plane z = 0, numbered row by row; `position(column, row)` is their x and y.
 template <typename Position>
 MarkerPositions PlaneMarkers(int columns, int rows, Position position) {
@@ -28,6 +41,16 @@ MarkerPositions PlaneMarkers(int columns, int rows, Position position) {
   return markers;
 }
 
+inline constexpr int kMostColumns = 60;  // longer rows are not printed
+
+/// For a grid of `count` points or tags that has another number of columns than is stated.
+inline std::string ColumnsRemedy(int columns, int count) {
+  return fmt::format("set columns: {} and {}",
+                     columns,
+                     count % columns == 0 ? fmt::format("rows: {}", count / columns)
+                                          : std::string("the rows that go with it"));
+}
+
 /// A grid whose numbers run in rows of another length than `columns`; `position` and `markers` as
 /// of `PlaneMarkers`; hypotheses keep copies of `position`. `what` is what is numbered ("corners").
 template <typename Position>
@@ -35,7 +58,6 @@ std::vector<TargetHypothesis> OtherRows(int columns,
                                         int rows,
                                         std::string_view what,
                                         Position position) {
-  constexpr int kMostColumns = 60;  // longer rows are not printed
   const int count = columns * rows;
   std::vector<TargetHypothesis> hypotheses;
   for (int other = 2; other <= std::min(count / 2, kMostColumns); ++other) {
@@ -43,10 +65,7 @@ std::vector<TargetHypothesis> OtherRows(int columns,
     hypotheses.push_back(
         {.code = "target_layout",
          .what = fmt::format("the {} are numbered in rows of {}, not of {}", what, other, columns),
-         .remedy = fmt::format("set columns: {} and {}",
-                               other,
-                               count % other == 0 ? fmt::format("rows: {}", count / other)
-                                                  : std::string("the rows that go with it")),
+         .remedy = ColumnsRemedy(other, count),
          .places = [=] {
            CandidatePlaces places;
            for (int i = 0; i < count; ++i) {
@@ -59,8 +78,5 @@ std::vector<TargetHypothesis> OtherRows(int columns,
   }
   return hypotheses;
 }
-
-/// To the viewer of a board in the plane z = 0 whose y axis points down.
-inline Eigen::Vector3d BoardNormal() { return {0, 0, -1}; }
 
 }  // namespace plenocal::internal

@@ -183,6 +183,11 @@ Target NominalTarget(const Target& target) {
   return nominal;
 }
 
+std::vector<TargetPart> DrawTarget(const Target& target, Pieces pieces) {
+  return std::visit([&](const auto& layout) { return layout.Draw(target.markers, pieces); },
+                    target.layout);
+}
+
 TargetDoubts DoubtsAbout(const Target& target) {
   const YamlNode nominal = YamlNode::Parse(target.nominal_yaml, "target");
   return std::visit(

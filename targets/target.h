@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Calibration targets: reading their files, their markers and what may be wrong in them.
 #pragma once
 
 #include <Eigen/Core>
@@ -59,6 +61,10 @@ int PartOf(const Target& target, int marker);
 /// The target without its refinement: markers where the nominal keys put them. A target of type
 /// `markers` has no others and stays as it is.
 Target NominalTarget(const Target& target);
+
+/// The parts of a target with every marker at its position in `target`. Throws `Error` of kind
+/// kInput for type `markers`, which cannot be drawn.
+std::vector<TargetPart> DrawTarget(const Target& target, Pieces pieces = Pieces::kByPlane);
 
 /// Mistakes in the target's file that images can show, for `FindTargetCauses`.
 TargetDoubts DoubtsAbout(const Target& target);

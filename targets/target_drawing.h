@@ -13,8 +13,6 @@
 
 namespace plenocal {
 
-struct Target;
-
 using Polygon = std::vector<Eigen::Vector2d>;
 
 /// A black disc around a marker.
@@ -58,9 +56,5 @@ enum class Pieces {
   kByPlane,  ///< those that lie in one plane are one part
   kApart     ///< each is a part of its own
 };
-
-/// The parts of a target with every marker at its position in `target`. Throws `Error` of kind
-/// kInput for type `markers`, which cannot be drawn.
-std::vector<TargetPart> DrawTarget(const Target& target, Pieces pieces = Pieces::kByPlane);
 
 }  // namespace plenocal

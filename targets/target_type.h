@@ -4,7 +4,7 @@
 // whose struct is named like the file in CamelCase + "Layout": chessboard.h has ChessboardLayout.
 // CMake lists the folder; `TargetLayout` is the variant of all of them, and a struct that lacks a
 // part of `IsTargetLayout` does not compile. Detection of the type is one file pair in detectors/
-// (see detectors/marker_detectors.cc.in).
+// (see detectors/types/marker_detectors.cc.in).
 #pragma once
 
 #include <Eigen/Core>

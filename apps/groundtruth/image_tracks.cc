@@ -7,6 +7,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
+#include "detectors/images/opencv_threads.h"
 #include "engine/scene/track/follow_points.h"
 
 namespace plenocal {
@@ -114,7 +115,7 @@ class LoopTracker {
                 .frames = {},
                 .read = [this](size_t camera, size_t frame) { return ReadImage(camera, frame); },
                 .threads = options.threads} {
-    cv::setNumThreads(0);  // the same bytes for any number of threads
+    UseNoOpenCvThreads();
     for (const RecordedFrame& frame : recording.frames) {
       result_.tracks.frames.push_back(frame.name);
       if (recording.HasTimes()) result_.tracks.times.push_back(frame.time);

@@ -17,7 +17,7 @@
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "detectors/images/detector_pool.h"
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "engine/scene/locate_view.h"
 
 namespace plenocal {

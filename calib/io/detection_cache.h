@@ -5,7 +5,6 @@
 #pragma once
 
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <initializer_list>
 #include <mutex>
@@ -14,7 +13,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
 namespace plenocal {
 
@@ -49,69 +47,6 @@ class DetectionCache {
   bool fresh_;
   std::mutex mutex_;
   std::set<std::string> used_;
-};
-
-// Numbers and texts as bytes, for entries of the cache: read by the program that wrote them, on the
-// same machine.
-
-class CacheEntryWriter {
- public:
-  template <typename T>
-  requires std::is_arithmetic_v<T>
-  void Put(T number) { text_.append(reinterpret_cast<const char*>(&number), sizeof number); }
-  void Put(std::string_view text) {
-    Put(static_cast<std::uint64_t>(text.size()));
-    text_.append(text);
-  }
-  /// The length of a list, then each item by `put`.
-  template <typename List, typename Function>
-  void PutAll(const List& list, const Function& put) {
-    Put(static_cast<std::uint64_t>(list.size()));
-    for (const auto& item : list) put(item);
-  }
-  [[nodiscard]] const std::string& Text() const { return text_; }
-
- private:
-  std::string text_;
-};
-
-class CacheEntryReader {
- public:
-  explicit CacheEntryReader(std::string_view text) : rest_(text) {}
-
-  /// The next number or text; zero or empty where the bytes end before.
-  template <typename T>
-  T Get() {
-    T value{};
-    if constexpr (std::is_same_v<T, bool>) {
-      value = Get<unsigned char>() != 0;  // no other byte may become a bool
-    } else if constexpr (std::is_arithmetic_v<T>) {
-      if (Has(sizeof value)) std::memcpy(&value, rest_.data(), sizeof value);
-      Skip(sizeof value);
-    } else {
-      const auto size = Get<std::uint64_t>();
-      if (Has(size)) value = T(rest_.substr(0, size));
-      Skip(size);
-    }
-    return value;
-  }
-  /// Calls `get` for each item of a list, at most until the bytes end.
-  template <typename Function>
-  void GetAll(const Function& get) {
-    for (auto count = Get<std::uint64_t>(); count > 0 && good_; --count) get();
-  }
-  /// True when every item could be read and no bytes are left.
-  [[nodiscard]] bool IsComplete() const { return good_ && rest_.empty(); }
-
- private:
-  [[nodiscard]] bool Has(std::uint64_t size) const { return good_ && size <= rest_.size(); }
-  void Skip(std::uint64_t size) {
-    good_ = Has(size);
-    if (good_) rest_.remove_prefix(size);
-  }
-
-  std::string_view rest_;
-  bool good_ = true;
 };
 
 }  // namespace plenocal

@@ -20,17 +20,11 @@ struct Blob {
   double size = 0;    ///< px, diameter
 };
 
-std::vector<Blob> FindBlobs(const cv::Mat& gray, int colour) {
+std::vector<Blob> FindManyBlobs(const cv::Mat& gray, bool bright) {
   constexpr std::size_t kMost = 2000;  // texture
-  cv::SimpleBlobDetector::Params params;
-  params.filterByColor = true;
-  params.blobColor = static_cast<uchar>(colour);
-  params.minArea = 12;  // px, a circle of 4 px across
   constexpr float kFewestInImage = 9;
-  params.maxArea = static_cast<float>(gray.total()) / kFewestInImage;
-  params.minDistBetweenBlobs = 3;  // px
-  std::vector<cv::KeyPoint> points;
-  cv::SimpleBlobDetector::create(params)->detect(gray, points);
+  const std::vector<cv::KeyPoint> points =
+      FindBlobs(gray, bright, static_cast<float>(gray.total()) / kFewestInImage);
   if (points.size() > kMost) return {};
   std::vector<Blob> blobs;
   for (const cv::KeyPoint& point : points) {
@@ -181,10 +175,22 @@ std::optional<BlobGrid> ShapeOf(const std::set<Place>& places) {
 
 }  // namespace
 
+std::vector<cv::KeyPoint> FindBlobs(const cv::Mat& gray, bool bright, float most_area) {
+  cv::SimpleBlobDetector::Params params;
+  params.filterByColor = true;
+  params.blobColor = bright ? 255 : 0;
+  params.minArea = 12;
+  params.maxArea = most_area;
+  params.minDistBetweenBlobs = 3;  // px
+  std::vector<cv::KeyPoint> points;
+  cv::SimpleBlobDetector::create(params)->detect(gray, points);
+  return points;
+}
+
 std::optional<BlobGrid> FindBlobGrid(const cv::Mat& gray) {
   std::set<Place> largest;
-  for (const int colour : {0, 255}) {
-    const std::vector<Blob> blobs = FindBlobs(gray, colour);
+  for (const bool bright : {false, true}) {
+    const std::vector<Blob> blobs = FindManyBlobs(gray, bright);
     const Crosses crosses = FindCrosses(blobs);
     const auto links = LinksOf(crosses);
     std::vector<bool> done(blobs.size());

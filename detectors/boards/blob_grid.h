@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Search for a grid of circles of any size.
 #pragma once
 
 #include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
 #include <optional>
+#include <vector>
 
 namespace plenocal::internal {
+
+/// Dark or bright blobs of at least 12 px (a circle of 4 px across) and at most `most_area` px.
+std::vector<cv::KeyPoint> FindBlobs(const cv::Mat& gray, bool bright, float most_area);
 
 /// A grid of circles as an image shows it.
 struct BlobGrid {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "calib/base/format_error.h"
-#include "detectors/quads/sort_quads.h"
+#include "detectors/tag_assignment/assign_tags.h"
 #include "detectors/templates/saddle.h"
 
 // OpenCV finds and reads the ArUco markers; their positions on the board, the corners between them
@@ -54,8 +54,8 @@ class Layout {
   }
   [[nodiscard]] int marker_count() const { return static_cast<int>(squares_.size()); }
   /// All markers, in squares.
-  [[nodiscard]] internal::QuadTarget Markers() const {
-    internal::QuadTarget markers;
+  [[nodiscard]] internal::TagPositions Markers() const {
+    internal::TagPositions markers;
     for (int id = 0; id < marker_count(); ++id) {
       const SeenMarker marker = Place(id, std::vector<cv::Point2f>(4));
       for (std::size_t k = 0; k < 4; ++k) {
@@ -172,7 +172,7 @@ struct ReadMarkers {
 
 class CharucoDetector final : public MarkerDetector {
  public:
-  CharucoDetector(const CharucoLayout& board, const Rivals& rivals)
+  CharucoDetector(const CharucoLayout& board, const OtherTargets& others)
       : board_(board),
         dictionary_(
             cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary))),
@@ -190,10 +190,10 @@ class CharucoDetector final : public MarkerDetector {
           board.rows,
           layout.marker_count());
     }
-    if (rivals.targets.empty()) return;
+    if (others.targets.empty()) return;
     for (const Layout& layout : layouts_) targets_.push_back(layout.Markers());
-    for (const Target& rival : rivals.targets) {
-      for (const Layout& layout : LayoutsOf(std::get<CharucoLayout>(rival.layout))) {
+    for (const Target& other : others.targets) {
+      for (const Layout& layout : LayoutsOf(std::get<CharucoLayout>(other.layout))) {
         targets_.push_back(layout.Markers());
       }
     }
@@ -262,14 +262,14 @@ class CharucoDetector final : public MarkerDetector {
   /// Those of this board, where others with the same markers may be in the image.
   [[nodiscard]] ReadMarkers OwnOf(const ReadMarkers& all,
                                   std::vector<std::string>* left_out) const {
-    std::vector<internal::ReadQuad> read;
+    std::vector<internal::ReadTag> read;
     for (std::size_t i = 0; i < all.ids.size(); ++i) {
-      internal::ReadQuad& quad = read.emplace_back();
+      internal::ReadTag& quad = read.emplace_back();
       quad.id = all.ids[i];
       for (std::size_t k = 0; k < 4; ++k)
         quad.corners[k] = {all.corners[i][k].x, all.corners[i][k].y};
     }
-    const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
+    const std::vector<internal::TagOwner> owners = internal::AssignTags(read, targets_);
     ReadMarkers own;
     std::set<int> undecided;
     for (std::size_t i = 0; i < owners.size(); ++i) {
@@ -315,11 +315,9 @@ class CharucoDetector final : public MarkerDetector {
         }
         continue;
       }
-      Observation observation;
-      observation.marker = corner;
-      observation.values = {saddle->p.x(), saddle->p.y()};
-      observation.detector_sigma = saddle->sigma;
-      found->markers.push_back(observation);
+      found->markers.push_back({.marker = corner,
+                                .values = {saddle->p.x(), saddle->p.y()},
+                                .detector_sigma = saddle->sigma});
     }
     if (found->markers.empty()) {
       found->failure = fmt::format(
@@ -333,15 +331,15 @@ class CharucoDetector final : public MarkerDetector {
   cv::Ptr<cv::aruco::Dictionary> dictionary_;
   cv::Ptr<cv::aruco::DetectorParameters> parameters_;
   std::vector<Layout> layouts_;
-  std::vector<internal::QuadTarget> targets_;  // its own layouts, then its rivals'; empty: none
+  std::vector<internal::TagPositions> targets_;  // its own layouts, then its others'; empty: none
 };
 
 }  // namespace
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CharucoLayout& layout,
                                              const Target& /*target*/,
-                                             const Rivals& rivals) {
-  return std::make_unique<CharucoDetector>(layout, rivals);
+                                             const OtherTargets& others) {
+  return std::make_unique<CharucoDetector>(layout, others);
 }
 
 }  // namespace plenocal

@@ -26,10 +26,10 @@ std::vector<float> CellLines(const CharucoLayout& board, int marker_width) {
 }
 
 /// Squares with the corner at square (column, row) in their middle; white squares have markers.
-CellDrawing DrawAround(const CharucoLayout& board,
-                       const CharucoMarkers& aruco,
-                       int column,
-                       int row) {
+CellTemplate DrawAround(const CharucoLayout& board,
+                        const CharucoMarkers& aruco,
+                        int column,
+                        int row) {
   const int per_square = aruco.width + 2;  // with the white around the marker
   const int n = kSquaresAcross * per_square;
   const Eigen::Vector2i origin(column - kSquaresAcross / 2, row - kSquaresAcross / 2);

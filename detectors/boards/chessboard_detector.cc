@@ -9,7 +9,6 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "detectors/boards/corner_lattice.h"
@@ -40,15 +39,10 @@ using internal::Saddle;
 
 class ChessboardDetector final : public MarkerDetector {
  public:
-  ChessboardDetector(const ChessboardLayout& layout, const Rivals& rivals)
-      : columns_(layout.columns), rows_(layout.rows) {
-    for (const Target& rival : rivals.targets) {
-      const auto& board = std::get<ChessboardLayout>(rival.layout);
-      if (internal::IsPart(columns_, rows_, board.columns, board.rows)) {
-        larger_.emplace_back(board.columns, board.rows);
-      }
-    }
-  }
+  ChessboardDetector(const ChessboardLayout& layout, const OtherTargets& others)
+      : columns_(layout.columns),
+        rows_(layout.rows),
+        larger_(internal::LargerGrids(layout, others)) {}
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     MarkerDetections found;
@@ -154,11 +148,9 @@ class ChessboardDetector final : public MarkerDetector {
             marker));
         continue;
       }
-      Observation observation;
-      observation.marker = marker;
-      observation.values = {corner->p.x(), corner->p.y()};
-      observation.detector_sigma = corner->sigma;
-      found.markers.push_back(observation);
+      found.markers.push_back({.marker = marker,
+                               .values = {corner->p.x(), corner->p.y()},
+                               .detector_sigma = corner->sigma});
     }
     return found;
   }
@@ -199,15 +191,15 @@ class ChessboardDetector final : public MarkerDetector {
   }
 
   int columns_, rows_;
-  std::vector<cv::Size> larger_;  // rivals of which this board may be a part
+  std::vector<cv::Size> larger_;  // others of which this board may be a part
 };
 
 }  // namespace
 
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
                                              const Target& /*target*/,
-                                             const Rivals& rivals) {
-  return std::make_unique<ChessboardDetector>(layout, rivals);
+                                             const OtherTargets& others) {
+  return std::make_unique<ChessboardDetector>(layout, others);
 }
 
 std::vector<internal::MarkerTemplate> internal::MakeTemplates(
@@ -221,7 +213,7 @@ std::vector<internal::MarkerTemplate> internal::MakeTemplates(
     for (int i = 0; i < kSquares * kSquares; ++i) {
       cells.push_back((i / kSquares + i % kSquares) % 2 == 0 ? 1.f : -1.f);
     }
-    return CellDrawing(std::move(cells), kSquares);
+    return CellTemplate(std::move(cells), kSquares);
   };
   return CornerTemplates(layout.columns, found, kSquares, draw);
 }

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Detector of chessboards.
 #pragma once
 
 #include <memory>
 #include <vector>
 
 #include "detectors/images/marker_detector.h"
-#include "detectors/images/rivals.h"
+#include "detectors/images/other_targets.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal {
 
-/// `rivals`: other chessboards that may be in the images. A part of a larger one of them is no
+/// `others`: other chessboards that may be in the images. A part of a larger one of them is no
 /// board; nor is a board at the image's border, beyond which it may go on.
 std::unique_ptr<MarkerDetector> MakeDetector(const ChessboardLayout& layout,
                                              const Target& target,
-                                             const Rivals& rivals);
+                                             const OtherTargets& others);
 
 namespace internal {
 

@@ -15,14 +15,14 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
+#include "detectors/boards/blob_grid.h"
 #include "detectors/boards/grid_order.h"
 #include "detectors/templates/board_templates.h"
-#include "detectors/templates/patch_fit.h"
+#include "detectors/templates/pixel_fit.h"
 
 // OpenCV finds the grid of blobs; each circle is then measured by a fit of a blurred ellipse to its
 // gray values.
@@ -191,7 +191,7 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
   start[Model::kB] = 0.5 * (region->inside - region->outside);
   if (pixels.size() < 2 * Model::kSize) return std::nullopt;
   const double reach = std::max(0.5 * semi_axis, 1.5);
-  const auto fit = internal::FitPatch<Model::kSize>(Model(region->centre, reach), pixels, start);
+  const auto fit = internal::FitPixels<Model::kSize>(Model(region->centre, reach), pixels, start);
   if (!fit || fit->explained < internal::kMinExplained) return std::nullopt;
   Circle circle;
   circle.p = fit->params.head<2>();
@@ -208,15 +208,11 @@ std::optional<Circle> FitCircle(const cv::Mat& gray, const Eigen::Vector2d& gues
 
 class CirclesDetector final : public MarkerDetector {
  public:
-  CirclesDetector(const CirclesLayout& layout, const Rivals& rivals)
-      : columns_(layout.columns), rows_(layout.rows), asymmetric_(layout.asymmetric) {
-    for (const Target& rival : rivals.targets) {
-      const auto& grid = std::get<CirclesLayout>(rival.layout);
-      if (internal::IsPart(columns_, rows_, grid.columns, grid.rows)) {
-        larger_.emplace_back(grid.columns, grid.rows);
-      }
-    }
-  }
+  CirclesDetector(const CirclesLayout& layout, const OtherTargets& others)
+      : columns_(layout.columns),
+        rows_(layout.rows),
+        larger_(internal::LargerGrids(layout, others)),
+        asymmetric_(layout.asymmetric) {}
 
   MarkerDetections Detect(const cv::Mat& gray) override {
     MarkerDetections found;
@@ -263,15 +259,10 @@ class CirclesDetector final : public MarkerDetector {
  private:
   /// Blobs that may be circles of the grid.
   [[nodiscard]] Places Blobs(const cv::Mat& image, bool white) const {
-    cv::SimpleBlobDetector::Params params;
-    params.filterByColor = true;
-    params.blobColor = white ? 255 : 0;
-    params.minArea = 12;  // px, a circle of 4 px across
     // As large as the circles of a grid that fills the image; OpenCV's own limit is 5000 px.
-    params.maxArea = static_cast<float>(image.total()) / static_cast<float>(columns_ * rows_);
-    params.minDistBetweenBlobs = 3;  // px
-    std::vector<cv::KeyPoint> blobs;
-    cv::SimpleBlobDetector::create(params)->detect(image, blobs);
+    const float most_area =
+        static_cast<float>(image.total()) / static_cast<float>(columns_ * rows_);
+    const std::vector<cv::KeyPoint> blobs = internal::FindBlobs(image, white, most_area);
     Places places;
     cv::KeyPoint::convert(blobs, places);
     return places;
@@ -364,11 +355,8 @@ class CirclesDetector final : public MarkerDetector {
         continue;
       }
       const Eigen::Vector2d centre = ImageOfCentre(marker, circles, *order);
-      Observation observation;
-      observation.marker = marker;
-      observation.values = {centre.x(), centre.y()};
-      observation.detector_sigma = circle->sigma;
-      found.markers.push_back(observation);
+      found.markers.push_back(
+          {.marker = marker, .values = {centre.x(), centre.y()}, .detector_sigma = circle->sigma});
     }
     return found;
   }
@@ -529,7 +517,7 @@ class CirclesDetector final : public MarkerDetector {
   }
 
   int columns_, rows_;
-  std::vector<cv::Size> larger_;  // rivals of which this grid may be a part
+  std::vector<cv::Size> larger_;  // others of which this grid may be a part
   bool asymmetric_;
 };
 
@@ -537,8 +525,8 @@ class CirclesDetector final : public MarkerDetector {
 
 std::unique_ptr<MarkerDetector> MakeDetector(const CirclesLayout& layout,
                                              const Target& /*target*/,
-                                             const Rivals& rivals) {
-  return std::make_unique<CirclesDetector>(layout, rivals);
+                                             const OtherTargets& others) {
+  return std::make_unique<CirclesDetector>(layout, others);
 }
 
 std::vector<internal::MarkerTemplate> internal::MakeTemplates(

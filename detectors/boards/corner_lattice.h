@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Search for lattices of chessboard corners of any size.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Numbering of the points of a grid that was found in an image.
 #pragma once
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <opencv2/core/types.hpp>
+#include <variant>
 #include <vector>
+
+#include "detectors/images/other_targets.h"
 
 namespace plenocal::internal {
 
@@ -65,6 +71,20 @@ inline double Handedness(const std::vector<Eigen::Vector2d>& points,
 inline bool IsPart(int columns, int rows, int of_columns, int of_rows) {
   return std::min(columns, rows) <= std::min(of_columns, of_rows) &&
          std::max(columns, rows) <= std::max(of_columns, of_rows);
+}
+
+/// Columns and rows of the other targets, of the layout's own type, of which its grid may be a
+/// part.
+template <typename Layout>
+std::vector<cv::Size> LargerGrids(const Layout& own, const OtherTargets& others) {
+  std::vector<cv::Size> larger;
+  for (const Target& other : others.targets) {
+    const auto& grid = std::get<Layout>(other.layout);
+    if (IsPart(own.columns, own.rows, grid.columns, grid.rows)) {
+      larger.emplace_back(grid.columns, grid.rows);
+    }
+  }
+  return larger;
 }
 
 /// Of each of a lattice's four sides the places where it would go on. `points`: row by row.

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "calib/base/statistics.h"
+#include "detectors/tag_assignment/tag_prediction.h"
 
 // Neighbours in an image are neighbours on the board. Where one lies in the other's frame, in sides
 // of a marker, is nearly the same in all images, and each layout (kind, number of columns) predicts
@@ -25,8 +26,6 @@ struct Pair {
   Eigen::Vector2d offset{0, 0};  ///< from the first to the second, marker sides, y down
   double images = 0;             ///< that show it
 };
-
-Eigen::Vector2d Centre(const Quad& q) { return (q[0] + q[1] + q[2] + q[3]) / 4; }
 
 /// px a side of the marker along its x and y, in the middle.
 Eigen::Matrix2d Axes(const Quad& q) {
@@ -149,7 +148,7 @@ MarkerLayout LayoutOf(MarkerLayout::Kind kind, int columns, int start, const Fit
 
 std::optional<MarkerLayout> FindMarkerLayout(
     const std::vector<std::vector<NumberedSquare>>& images) {
-  constexpr int kMostColumns = 40;
+  constexpr int kWidest = 40;
   constexpr double kLeastShare = 0.7;  // of the pairs: some are misread
   const std::vector<Pair> pairs = NearPairs(images);
   double all = 0;
@@ -160,7 +159,7 @@ std::optional<MarkerLayout> FindMarkerLayout(
   for (const auto kind :
        {MarkerLayout::Kind::kRowsUp, MarkerLayout::Kind::kCharuco, MarkerLayout::Kind::kRowsDown}) {
     const bool charuco = kind == MarkerLayout::Kind::kCharuco;
-    for (int columns = charuco ? 3 : 1; columns <= kMostColumns; ++columns) {
+    for (int columns = charuco ? 3 : 1; columns <= kWidest; ++columns) {
       for (int start = 0; start < (charuco ? 2 : columns); ++start) {
         const Fit fit = FitPitch(pairs, Places(kind, columns, start));
         if (fit.agreeing <= most) continue;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The arrangement of numbered markers on a board, from the images that show them.
 #pragma once
 
 #include <optional>

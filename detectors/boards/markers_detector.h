@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The error of target types that have no detector.
 #pragma once
 
 #include <memory>

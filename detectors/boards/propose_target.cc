@@ -19,12 +19,13 @@
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
+#include "detectors/apriltag/apriltag_library.h"
 #include "detectors/boards/blob_grid.h"
 #include "detectors/boards/corner_lattice.h"
 #include "detectors/boards/marker_layout.h"
 #include "detectors/images/image.h"
+#include "detectors/images/opencv_threads.h"
 #include "detectors/images/pictures.h"
-#include "detectors/quads/apriltag_library.h"
 #include "targets/code_books.h"
 #include "targets/tags/tag_family.h"
 
@@ -385,7 +386,7 @@ std::vector<TargetProposal> Propose(const std::vector<Seen>& images) {
 TargetProposals ProposeTargets(const std::vector<FrameImage>& images,
                                const ProposeOptions& options) {
   constexpr size_t kMost = 40;
-  cv::setNumThreads(1);
+  UseNoOpenCvThreads();
   TargetProposals proposals;
   proposals.looked_at = std::min(images.size(), kMost);
   std::vector<Seen> seen(proposals.looked_at);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/images/attenuation.h"
 
-#include <fmt/format.h>
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -11,7 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -91,12 +89,10 @@ void CheckEvenField(const cv::Mat& white) {
       steps.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(steps.size()));
   std::nth_element(steps.begin(), quantile, steps.end());
   if (*quantile <= kEven) return;
-  throw Error(
-      ErrorKind::kJob,
-      fmt::format(
-          "the white images show a scene: a fifth of the field differs by more than {:.0f} % from "
-          "its surroundings; record an even white field",
-          100 * *quantile));
+  throw JobError(
+      "the white images show a scene: a fifth of the field differs by more than {:.0f} % from "
+      "its surroundings; record an even white field",
+      100 * *quantile);
 }
 
 cv::Mat SmoothAttenuation(const cv::Mat& white, std::optional<BayerOrder> bayer) {

@@ -11,18 +11,41 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/camera/observation_entry.h"
 #include "calib/io/detection_cache.h"
 #include "detectors/images/attenuation.h"
 #include "detectors/images/detector_pool.h"
 #include "detectors/images/image.h"
+#include "detectors/images/opencv_threads.h"
 #include "detectors/images/pictures.h"
 #include "detectors/images/target_area.h"
 #include "detectors/images/white_images.h"
 
 namespace plenocal {
+
+template <MaybeConst<DistortionMeasurement> T>
+auto EntryMembers(T& measurement) {
+  return std::tie(measurement.p, measurement.along, measurement.value, measurement.variance);
+}
+
+template <MaybeConst<SensitivityPiece> T>
+auto EntryMembers(T& piece) {
+  return std::tie(piece.p, piece.assumed, piece.by_distortion);
+}
+
+template <MaybeConst<DistortionSensitivity> T>
+auto EntryMembers(T& sensitivity) {
+  return std::tie(sensitivity.pieces, sensitivity.sigma);
+}
+
+template <MaybeConst<MarkerDetections> T>
+auto EntryMembers(T& found) {
+  return std::tie(
+      found.markers, found.left_out, found.failure, found.measurements, found.sensitivities);
+}
+
 namespace {
 
 struct ImageResult {
@@ -33,68 +56,13 @@ struct ImageResult {
   bool reused = false;
 };
 
-std::string Pack(const ImageResult& result) {
-  CacheEntryWriter writer;
-  for (const int length : result.size) writer.Put(length);
-  writer.Put(result.traits.orientation);
-  writer.Put(result.traits.blur);
-  writer.Put(result.traits.saturated);
-  writer.PutAll(result.found.markers,
-                [&](const Observation& seen) { PutObservation(seen, &writer); });
-  writer.PutAll(result.found.left_out, [&](const std::string& reason) { writer.Put(reason); });
-  writer.Put(result.found.failure);
-  const auto put = [&](const auto& matrix) {
-    for (const double value : matrix.reshaped()) writer.Put(value);
-  };
-  writer.PutAll(result.found.measurements, [&](const DistortionMeasurement& measurement) {
-    put(measurement.p);
-    put(measurement.along);
-    writer.Put(measurement.value);
-    writer.Put(measurement.variance);
-  });
-  writer.PutAll(result.found.sensitivities, [&](const DistortionSensitivity& sensitivity) {
-    writer.PutAll(sensitivity.pieces, [&](const SensitivityPiece& piece) {
-      put(piece.p);
-      put(piece.assumed);
-      put(piece.by_distortion);
-    });
-    writer.Put(sensitivity.sigma);
-  });
-  return writer.Text();
-}
-
-std::optional<ImageResult> Unpack(const std::string& text) {
-  CacheEntryReader reader(text);
-  ImageResult result;
-  result.reused = true;
-  for (int& length : result.size) length = reader.Get<int>();
-  result.traits.orientation = reader.Get<int>();
-  result.traits.blur = reader.Get<double>();
-  result.traits.saturated = reader.Get<double>();
-  reader.GetAll([&] { result.found.markers.push_back(GetObservation(&reader)); });
-  reader.GetAll([&] { result.found.left_out.push_back(reader.Get<std::string>()); });
-  result.found.failure = reader.Get<std::string>();
-  const auto get = [&](auto* matrix) {
-    for (double& value : matrix->reshaped()) value = reader.Get<double>();
-  };
-  reader.GetAll([&] {
-    DistortionMeasurement& measurement = result.found.measurements.emplace_back();
-    get(&measurement.p);
-    get(&measurement.along);
-    measurement.value = reader.Get<double>();
-    measurement.variance = reader.Get<double>();
-  });
-  reader.GetAll([&] {
-    DistortionSensitivity& sensitivity = result.found.sensitivities.emplace_back();
-    reader.GetAll([&] {
-      SensitivityPiece& piece = sensitivity.pieces.emplace_back();
-      get(&piece.p);
-      get(&piece.assumed);
-      get(&piece.by_distortion);
-    });
-    sensitivity.sigma = reader.Get<double>();
-  });
-  return reader.IsComplete() ? std::optional(result) : std::nullopt;
+template <MaybeConst<ImageResult> T>
+auto EntryMembers(T& result) {
+  return std::tie(result.size,
+                  result.traits.orientation,
+                  result.traits.blur,
+                  result.traits.saturated,
+                  result.found);
 }
 
 /// Lens fall-off of an ordinary camera, from its white images.
@@ -172,8 +140,9 @@ class ImageRun {
 
 std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
   const std::string key = cache_.Key({"markers", white_key_, HashImage(image)});
-  if (const auto kept = cache_.Load(key)) {
-    if (const auto known = Unpack(*kept)) *result = *known;
+  if (auto known = LoadEntry<ImageResult>(cache_, key)) {
+    *result = std::move(*known);
+    result->reused = true;
   }
   if (result->reused && !options_.keep) return {};
   const cv::Mat recorded = ReadGray(image);
@@ -183,7 +152,7 @@ std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
     result->found = detectors_.Detect(gray);
     const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
     result->traits = {ReadOrientation(image), area.blur, area.saturated};
-    cache_.Save(key, Pack(*result));
+    cache_.Save(key, PackEntry(*result));
   }
   if (!options_.keep) return {};
   return EncodeImage(".png", internal::MarkerPicture(gray, result->found.markers));
@@ -222,8 +191,7 @@ ImageSize ImageRun::CommonSize() const {
     if (result.unreadable.empty()) ++sizes[result.size];
   }
   if (sizes.empty()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("no image can be read; the first: {}", results_[0].unreadable));
+    throw JobError("no image can be read; the first: {}", results_[0].unreadable);
   }
   ImageSize common{};
   int most = 0;
@@ -239,13 +207,13 @@ ImageSize ImageRun::CommonSize() const {
 void ImageRun::CheckWhiteImageSize(const ImageSize& size) const {
   const ImageSize white_size{white_.attenuation.cols, white_.attenuation.rows};
   if (white_.attenuation.empty() || white_size == size) return;
-  throw Error(ErrorKind::kInput,
-              fmt::format("the white images are {} x {} pixels, but the images {} x {}; record "
-                          "them with the same settings of the camera",
-                          white_size[0],
-                          white_size[1],
-                          size[0],
-                          size[1]));
+  throw InputError(
+      "the white images are {} x {} pixels, but the images {} x {}; record "
+      "them with the same settings of the camera",
+      white_size[0],
+      white_size[1],
+      size[0],
+      size[1]);
 }
 
 void ImageRun::UseCommonDistortion(const ImageSize& size) {
@@ -360,15 +328,14 @@ std::string internal::WhiteKey(const DetectOptions& options) {
 std::vector<ImageSketch> SketchOrdinaryImages(const std::vector<FrameImage>& images,
                                               const MarkerDetectorFactory& make_detector,
                                               const DetectOptions& options) {
-  cv::setNumThreads(1);
+  UseNoOpenCvThreads();
   return ImageRun(images, make_detector, options).Sketch();
 }
 
 ImageDetections DetectOrdinaryImages(const std::vector<FrameImage>& images,
                                      const MarkerDetectorFactory& make_detector,
                                      const DetectOptions& options) {
-  // Images run in parallel; threads inside OpenCV would only compete with them.
-  cv::setNumThreads(1);
+  UseNoOpenCvThreads();
   ImageRun run(images, make_detector, options);
   run.DetectAll();
   return run.Collect();

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Detection of a target in the images of one ordinary camera.
 #pragma once
 
 #include <string>

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/images/image.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -13,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/input_file.h"
 #include "detectors/images/image_codecs.h"
@@ -27,18 +25,11 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 
 [[noreturn]] void Refuse(const fs::path& path, std::string_view reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", path.string(), reason));
+  throw InputError("{}: {}", path.string(), reason);
 }
 
 void RefuseEmpty(const Bytes& content, const fs::path& path) {
   if (content.empty()) Refuse(path, "is empty (0 bytes); record or copy it again");
-}
-
-Bytes ReadFile(const fs::path& path) {
-  const std::string content = ReadInput(path, InputLimit::kImage);
-  Bytes bytes(content.begin(), content.end());
-  RefuseEmpty(bytes, path);
-  return bytes;
 }
 
 /// What `make` returns; names the file where the memory does not suffice.
@@ -55,11 +46,17 @@ auto WithinMemory(const fs::path& path, const Make& make) {
   }
 }
 
-/// An image in a store.
-StoredImage ReadStored(const FrameImage& image) {
-  StoredImage stored = WithinMemory(image.path, [&] { return image.store->Read(image.index); });
-  RefuseEmpty(stored.bytes, image.path);
-  return stored;
+/// An image file, or pixels of an image in a store.
+StoredImage ReadContent(const FrameImage& image) {
+  StoredImage content;
+  if (image.store) {
+    content = WithinMemory(image.path, [&] { return image.store->Read(image.index); });
+  } else {
+    const std::string file = ReadInput(image.path, InputLimit::kImage);
+    content.bytes.assign(file.begin(), file.end());
+  }
+  RefuseEmpty(content.bytes, image.path);
+  return content;
 }
 
 /// The image of a file's content.
@@ -78,6 +75,15 @@ cv::Mat DecodePixels(const Bytes& bytes, const fs::path& path, Channels channels
   return image;
 }
 
+cv::Mat ReadPixels(const FrameImage& image, Channels channels) {
+  const StoredImage content = ReadContent(image);
+  if (content.encoding.empty()) return DecodePixels(content.bytes, image.path, channels);
+  return WithinMemory(image.path, [&] {
+    return channels == Channels::kGrey ? internal::GrayOfPixels(content, image.path)
+                                       : internal::ImageOfPixels(content, image.path);
+  });
+}
+
 }  // namespace
 
 cv::Mat ToGray(const cv::Mat& image) {
@@ -85,10 +91,6 @@ cv::Mat ToGray(const cv::Mat& image) {
   cv::Mat gray;
   cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
   return gray;
-}
-
-cv::Mat ReadImage(const fs::path& path) {
-  return DecodePixels(ReadFile(path), path, Channels::kAsStored);
 }
 
 cv::Mat DecodeRawGray(std::vector<std::uint8_t> content, const fs::path& place) {
@@ -107,37 +109,16 @@ cv::Mat ScaledTo8Bits(const cv::Mat& image) {
   return gray;
 }
 
-cv::Mat ReadGray(const fs::path& path) {
-  return ScaledTo8Bits(DecodePixels(ReadFile(path), path, Channels::kGrey));
-}
+cv::Mat ReadImage(const FrameImage& image) { return ReadPixels(image, Channels::kAsStored); }
 
-cv::Mat ReadRawGray(const FrameImage& image) {
-  if (!image.store) return DecodePixels(ReadFile(image.path), image.path, Channels::kGrey);
-  StoredImage stored = ReadStored(image);
-  if (!stored.encoding.empty()) {
-    return WithinMemory(image.path, [&] { return internal::GrayOfPixels(stored, image.path); });
-  }
-  return DecodeRawGray(std::move(stored.bytes), image.path);
-}
+cv::Mat ReadRawGray(const FrameImage& image) { return ReadPixels(image, Channels::kGrey); }
 
 cv::Mat ReadGray(const FrameImage& image) { return ScaledTo8Bits(ReadRawGray(image)); }
 
-cv::Mat ReadImage(const FrameImage& image) {
-  if (!image.store) return ReadImage(image.path);
-  StoredImage stored = ReadStored(image);
-  if (!stored.encoding.empty()) {
-    return WithinMemory(image.path, [&] { return internal::ImageOfPixels(stored, image.path); });
-  }
-  return DecodePixels(stored.bytes, image.path, Channels::kAsStored);
-}
-
-int ReadOrientation(const fs::path& path) { return OrientationInHeader(ReadFile(path)); }
-
 int ReadOrientation(const FrameImage& image) {
-  if (!image.store) return ReadOrientation(image.path);
-  if (!image.store->HasFiles()) return 1;
-  const StoredImage stored = ReadStored(image);
-  return stored.encoding.empty() ? OrientationInHeader(stored.bytes) : 1;
+  if (image.store && !image.store->HasFiles()) return 1;
+  const StoredImage content = ReadContent(image);
+  return content.encoding.empty() ? OrientationInHeader(content.bytes) : 1;
 }
 
 std::string HashImage(const FrameImage& image) {
@@ -147,28 +128,23 @@ std::string HashImage(const FrameImage& image) {
 cv::Mat DecodeFloat(std::vector<std::uint8_t> content, const fs::path& place) {
   cv::Mat image = Decoded(content, place, Channels::kAsStored);
   if (image.type() == CV_32F) return image;
-  throw Error(ErrorKind::kInput,
-              fmt::format("{}: expected a TIFF of one 32-bit channel", place.string()));
+  throw InputError("{}: expected a TIFF of one 32-bit channel", place.string());
 }
 
 cv::Mat ReadAttenuation(const fs::path& path) {
-  cv::Mat attenuation = Decoded(ReadFile(path), path, Channels::kAsStored);
+  cv::Mat attenuation =
+      Decoded(ReadContent({.frame = {}, .path = path}).bytes, path, Channels::kAsStored);
   if (attenuation.type() != CV_32F) {
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format(
-            "{}: expected an attenuation image, a TIFF of one 32-bit channel as 'plenocal white' "
-            "writes it",
-            path.string()));
+    throw InputError(
+        "{}: expected an attenuation image, a TIFF of one 32-bit channel as 'plenocal white' "
+        "writes it",
+        path.string());
   }
   double lowest = 0, highest = 0;
   cv::minMaxLoc(attenuation, &lowest, &highest);
   if (!(lowest >= 0 && highest > 0) || !cv::checkRange(attenuation)) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: expected attenuations from 0 to 1, found {} to {}",
-                            path.string(),
-                            lowest,
-                            highest));
+    throw InputError(
+        "{}: expected attenuations from 0 to 1, found {} to {}", path.string(), lowest, highest);
   }
   return attenuation;
 }
@@ -176,6 +152,19 @@ cv::Mat ReadAttenuation(const fs::path& path) {
 std::string WithoutPath(const std::string& message, const fs::path& path) {
   const std::string prefix = path.string() + ": ";
   return message.starts_with(prefix) ? message.substr(prefix.size()) : message;
+}
+
+std::string EncodeImage(const std::string& format, const cv::Mat& image, int quality) {
+  const auto codecs = ImageCodecs();
+  const auto codec = std::ranges::find(codecs, format, &ImageCodec::extension);
+  if (codec == codecs.end()) {
+    throw JobError("{} files cannot be written", format);
+  }
+  try {
+    return codec->encode(image, quality);
+  } catch (const ImageDefect& defect) {
+    throw JobError("cannot write a {} file: {}", codec->name, defect.what());
+  }
 }
 
 }  // namespace plenocal

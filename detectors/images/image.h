@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Reading of images from files and stores, and writing of image files.
 #pragma once
 
 #include <cstdint>
@@ -11,22 +13,25 @@
 
 namespace plenocal {
 
-/// Reads an image file (8 or 16 bit; gray, colour) as single-channel 8-bit gray. Sixteen-bit images
-/// are scaled by their own largest value's next power of two, so that 12-bit data keep their
-/// contrast. Throws `Error` of kind `kInput` that names the file for one that is missing, not an
-/// image, corrupt or truncated (a truncated PNG or JPEG must be refused, not filled with gray).
-cv::Mat ReadGray(const std::filesystem::path& path);
-
-/// The same of an image that may lie in a store, whose pixels become grey as those of a PNG do.
+/// Reads an image file, or an image of a store (8 or 16 bit; gray, colour), as single-channel 8-bit
+/// gray; pixels of a store become grey as those of a PNG do. Sixteen-bit images are scaled by their
+/// own largest value's next power of two, so that 12-bit data keep their contrast. Throws `Error`
+/// of kind `kInput` that names the file for one that is missing, not an image, corrupt or truncated
+/// (a truncated PNG or JPEG must be refused, not filled with gray).
 cv::Mat ReadGray(const FrameImage& image);
+inline cv::Mat ReadGray(const std::filesystem::path& file) {
+  return ReadGray(FrameImage{.frame = {}, .path = file});
+}
 
 /// A single-channel image of 8 or 16 bits in 8 bits, as `ReadGray` scales it.
 cv::Mat ScaledTo8Bits(const cv::Mat& image);
 
-/// Reads an image file as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
+/// Reads an image as it is: 8 or 16 bits, raw values, one channel or three (BGR). Throws as
 /// `ReadGray` does.
-cv::Mat ReadImage(const std::filesystem::path& path);
 cv::Mat ReadImage(const FrameImage& image);
+inline cv::Mat ReadImage(const std::filesystem::path& file) {
+  return ReadImage(FrameImage{.frame = {}, .path = file});
+}
 
 /// The same in one channel: colours weighted as the eye does.
 cv::Mat ToGray(const cv::Mat& image);
@@ -42,7 +47,6 @@ cv::Mat DecodeFloat(std::vector<std::uint8_t> content, const std::filesystem::pa
 
 /// The orientation tag (EXIF, 1 to 8) of a JPEG file, by which viewers turn it and the functions
 /// here do not; 1 where there is none. Throws as `ReadGray` does for a file that is missing.
-int ReadOrientation(const std::filesystem::path& path);
 int ReadOrientation(const FrameImage& image);
 
 /// Differs for images that differ, wherever they lie; empty when the image cannot be read.

@@ -8,9 +8,7 @@
 #include <limits>
 #include <optional>
 
-#include "calib/base/error.h"
 #include "calib/io/input_file.h"
-#include "detectors/images/image.h"
 #include "detectors/images/image_header.h"
 
 namespace plenocal {
@@ -139,20 +137,6 @@ cv::Mat DecodeImage(ByteView content, Channels channels) {
   CheckSize(codec->read_header(content), content.size());
   cv::Mat image = codec->decode(content, channels);
   return channels == Channels::kGrey && image.channels() == 3 ? internal::GreyOfBgr(image) : image;
-}
-
-std::string EncodeImage(const std::string& format, const cv::Mat& image, int quality) {
-  const auto codecs = ImageCodecs();
-  const auto codec = std::ranges::find(codecs, format, &ImageCodec::extension);
-  if (codec == codecs.end()) {
-    throw Error(ErrorKind::kJob, fmt::format("{} files cannot be written", format));
-  }
-  try {
-    return codec->encode(image, quality);
-  } catch (const ImageDefect& defect) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("cannot write a {} file: {}", codec->name, defect.what()));
-  }
 }
 
 std::optional<ImageSize> SizeInHeader(ByteView start) {

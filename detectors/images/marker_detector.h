@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Interface of the detectors of markers in gray images.
 #pragma once
 
 #include <functional>

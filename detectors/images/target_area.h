@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Blur and saturation of the part of an image that shows the target.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
@@ -221,23 +221,21 @@ void WhiteSum::LeaveOut(size_t i, const std::string& reason) {
 
 void WhiteSum::CheckSizes() const {
   if (used_.empty()) {
-    throw Error(ErrorKind::kJob,
-                fmt::format("no white image can be read; the first: {}", summaries_[0].unreadable));
+    throw JobError("no white image can be read; the first: {}", summaries_[0].unreadable);
   }
   const ImageSize& expected = summaries_[used_[0]].size;
   for (const size_t i : used_) {
     const ImageSize& size = summaries_[i].size;
     if (size == expected) continue;
-    throw Error(
-        ErrorKind::kInput,
-        fmt::format("{}: is {} x {} pixels, while {} is {} x {}; white images of one camera have "
-                    "one size",
-                    Path(i),
-                    size[0],
-                    size[1],
-                    Path(used_[0]),
-                    expected[0],
-                    expected[1]));
+    throw InputError(
+        "{}: is {} x {} pixels, while {} is {} x {}; white images of one camera have "
+        "one size",
+        Path(i),
+        size[0],
+        size[1],
+        Path(used_[0]),
+        expected[0],
+        expected[1]);
   }
 }
 
@@ -254,10 +252,9 @@ void WhiteSum::LeaveOutDefective() {
   }
   used_ = std::move(kept);
   if (!used_.empty()) return;
-  throw Error(ErrorKind::kJob,
-              fmt::format("no white image is of use; the first: {}: {}",
-                          white_.left_out[0].where,
-                          white_.left_out[0].reason));
+  throw JobError("no white image is of use; the first: {}: {}",
+                 white_.left_out[0].where,
+                 white_.left_out[0].reason);
 }
 
 void WhiteSum::LeaveOutOutliers() {
@@ -275,12 +272,11 @@ void WhiteSum::LeaveOutOutliers() {
     shading_errors.push_back(ShadingDifference(summary->shading, shading));
   }
   if (Median(shading_errors) > kSameField) {
-    throw Error(
-        ErrorKind::kJob,
-        fmt::format("{} and the other white images differ from each other by {:.0f} % (median): "
-                    "they show a scene or a light that changes; record an even white field",
-                    Path(used_[0]),
-                    100 * Median(shading_errors)));
+    throw JobError(
+        "{} and the other white images differ from each other by {:.0f} % (median): "
+        "they show a scene or a light that changes; record an even white field",
+        Path(used_[0]),
+        100 * Median(shading_errors));
   }
   const double level_sigma = std::max(kFlicker, kSigmaPerMad * Median(level_errors));
   const double shading_sigma = std::max(kFlicker, kSigmaPerMad * Median(shading_errors));

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The mean of a camera's white images.
 #pragma once
 
 #include <map>

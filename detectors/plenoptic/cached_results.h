@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "calib/camera/micro_lens_array.h"
+#include "calib/camera/observation_entry.h"
+#include "calib/io/cache_entry.h"
 #include "detectors/images/image_detections.h"
 #include "detectors/plenoptic/markers/marker_measurement.h"
 
@@ -18,8 +20,9 @@ namespace plenocal::internal {
 /// The part of a plenoptic camera's white-image results that detection needs.
 struct MicroLensCalibration {
   MicroLensArray array;
-  std::string attenuation_tiff, grid_png;  ///< contents of files
-  std::vector<LeftOut> left_out;           ///< white images
+  std::vector<float> attenuation;  ///< of each pixel, row by row
+  std::string grid_png;            ///< content of a file
+  std::vector<LeftOut> left_out;   ///< white images
 };
 
 /// The markers of one raw image.
@@ -32,14 +35,52 @@ struct RawDetections {
 /// Pictures of one raw image for the user: the ending of each name and the content of the file.
 using Pictures = std::vector<std::pair<std::string, std::string>>;
 
-// `Unpack...` returns nothing for bytes that are no complete result.
-std::string Pack(const MicroLensCalibration& micro_lenses);
-std::string Pack(const RawDetections& detections);
-std::string Pack(const Pictures& pictures);
-std::string Pack(const SampleView& sample);
+template <MaybeConst<MarkerMeasurement> T>
+auto EntryMembers(T& measured) {
+  return std::tie(measured.observation,
+                  measured.inverse_depth,
+                  measured.vignetting_sensitivity,
+                  measured.depth_sensitivity,
+                  measured.lens_type,
+                  measured.blur,
+                  measured.blur_sigma);
+}
+
+template <MaybeConst<RawDetections> T>
+auto EntryMembers(T& found) {
+  return std::tie(found.markers, found.left_out, found.failure);
+}
+
+template <MaybeConst<MicroLensCalibration> T>
+auto EntryMembers(T& camera) {
+  return std::tie(camera.array, camera.attenuation, camera.grid_png, camera.left_out);
+}
+
+/// Nothing for bytes that are no complete calibration.
 std::optional<MicroLensCalibration> UnpackMicroLenses(const std::string& bytes);
-std::optional<RawDetections> UnpackDetections(const std::string& bytes);
-std::optional<Pictures> UnpackPictures(const std::string& bytes);
-std::optional<SampleView> UnpackSample(const std::string& frame, const std::string& bytes);
 
 }  // namespace plenocal::internal
+
+namespace plenocal {
+
+template <MaybeConst<MicroLens> T>
+auto EntryMembers(T& lens) {
+  return std::tie(lens.row, lens.column, lens.centre, lens.type, lens.usable);
+}
+
+template <MaybeConst<MicroLensArray> T>
+auto EntryMembers(T& array) {
+  return std::tie(array.image_size, array.types, array.e_column, array.e_row, array.lenses);
+}
+
+template <MaybeConst<LeftOut> T>
+auto EntryMembers(T& item) {
+  return std::tie(item.where, item.reason);
+}
+
+template <MaybeConst<SampleView> T>
+auto EntryMembers(T& sample) {
+  return std::tie(sample.picture, sample.depth);
+}
+
+}  // namespace plenocal

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/plenoptic/detect_plenoptic.h"
 
-#include <cstdint>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -11,16 +10,16 @@
 #include "calib/base/format_error.h"
 #include "detectors/images/detect_images.h"
 #include "detectors/images/image.h"
-#include "detectors/images/image_codecs.h"
 #include "detectors/images/pictures.h"
 #include "detectors/plenoptic/cached_results.h"
-#include "detectors/plenoptic/depth/depth_picture.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
 #include "detectors/plenoptic/markers/marker_blur.h"
 #include "detectors/plenoptic/markers/marker_views.h"
 #include "detectors/plenoptic/markers/measure_markers.h"
+#include "detectors/plenoptic/views/depth_picture.h"
+#include "detectors/plenoptic/white/grid_picture.h"
 #include "detectors/plenoptic/white/white_camera.h"
 #include "detectors/templates/marker_template.h"
 
@@ -38,17 +37,18 @@ MicroLensCalibration MeasureMicroLenses(const DetectOptions& options, DetectionC
   if (const auto kept = cache->Load(key)) {
     if (auto known = internal::UnpackMicroLenses(*kept)) return std::move(*known);
   }
-  WhiteCamera camera = MeasureWhiteImages(options.white_images,
-                                          {.plenoptic = true,
-                                           .bayer = options.bayer,
-                                           .grid_file = std::nullopt,
-                                           .raw_image = {},
-                                           .threads = options.threads});
-  MicroLensCalibration micro_lenses{camera.grid->array,
-                                    std::move(camera.attenuation_tiff),
-                                    std::move(camera.grid_png),
-                                    std::move(camera.left_out)};
-  cache->Save(key, Pack(micro_lenses));
+  cv::Mat attenuation, levelled;
+  WhiteCamera camera = internal::MeasureWhite(
+      options.white_images,
+      {.plenoptic = true, .bayer = options.bayer, .threads = options.threads},
+      &attenuation,
+      &levelled);
+  MicroLensCalibration micro_lenses{
+      camera.grid->array,
+      std::vector<float>(attenuation.begin<float>(), attenuation.end<float>()),
+      EncodeImage(".png", GridPicture(levelled, camera.grid->array)),
+      std::move(camera.left_out)};
+  cache->Save(key, PackEntry(micro_lenses));
   return micro_lenses;
 }
 
@@ -86,12 +86,9 @@ class RawDetector {
     const std::string key = cache_.Key({"micro images", white_key_, image_key});
     const std::string pictures_key = cache_.Key({"pictures", white_key_, image_key});
     const bool wants_pictures = options_.keep != nullptr;
-    std::optional<RawDetections> detections;
+    auto detections = LoadEntry<RawDetections>(cache_, key);
     std::optional<Pictures> pictures;
-    if (const auto kept = cache_.Load(key)) detections = internal::UnpackDetections(*kept);
-    if (wants_pictures) {
-      if (const auto kept = cache_.Load(pictures_key)) pictures = internal::UnpackPictures(*kept);
-    }
+    if (wants_pictures) pictures = LoadEntry<Pictures>(cache_, pictures_key);
     RawResult result;
     if (detections && (pictures || !wants_pictures)) {
       result.is_cached = true;
@@ -100,8 +97,8 @@ class RawDetector {
       return result;
     }
     result = DetectInImage(image);
-    if (wants_pictures) cache_.Save(pictures_key, internal::Pack(result.pictures));
-    cache_.Save(key, internal::Pack(result.detections));
+    if (wants_pictures) cache_.Save(pictures_key, PackEntry(result.pictures));
+    cache_.Save(key, PackEntry(result.detections));
     return result;
   }
 
@@ -109,13 +106,14 @@ class RawDetector {
   SampleView Sample(const FrameImage& image, SampleView made) {
     const std::string key = cache_.Key({"sample", white_key_, HashImage(image)});
     if (made.frame.empty()) {
-      if (const auto kept = cache_.Load(key)) {
-        if (auto known = internal::UnpackSample(image.frame, *kept)) made = std::move(*known);
+      if (auto known = LoadEntry<SampleView>(cache_, key)) {
+        made = std::move(*known);
+        made.frame = image.frame;
       }
     }
     // An interrupted run keeps none.
     if (made.frame.empty()) made = DetectInImage(image).sample;
-    cache_.Save(key, internal::Pack(made));
+    cache_.Save(key, PackEntry(made));
     return made;
   }
 
@@ -239,16 +237,15 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   DetectionCache none({}, {}, true);
   DetectionCache& cache = options.cache != nullptr ? *options.cache : none;
   MicroLensCalibration micro_lenses = MeasureMicroLenses(options, &cache);
-  const std::string& tiff = micro_lenses.attenuation_tiff;
-  const PlenopticCamera camera{
-      std::move(micro_lenses.array),
-      DecodeImage(std::vector<std::uint8_t>(tiff.begin(), tiff.end()), Channels::kAsStored),
-      options.bayer};
+  const auto [width, height] = micro_lenses.array.image_size;
+  const PlenopticCamera camera{std::move(micro_lenses.array),
+                               cv::Mat(height, width, CV_32F, micro_lenses.attenuation.data()),
+                               options.bayer};
   ImageDetections detections;
   detections.image_size = camera.array.image_size;
   detections.left_out = std::move(micro_lenses.left_out);
   detections.micro_lenses = FormatMicroLenses(camera.array);
-  detections.vignetting = std::move(micro_lenses.attenuation_tiff);
+  detections.vignetting = EncodeImage(".tiff", camera.attenuation);
   if (options.keep) options.keep("micro_lenses.png", micro_lenses.grid_png);
   RawDetector detector(target, camera, options, &cache);
   DetectInImages(images, options, camera.array.types, &detector, &detections);

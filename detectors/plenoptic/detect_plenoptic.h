@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Detection of a target in the raw images of one plenoptic camera.
 #pragma once
 
 #include <vector>

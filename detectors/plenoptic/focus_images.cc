@@ -14,10 +14,10 @@
 #include "calib/base/error.h"
 #include "calib/base/number_text.h"
 #include "detectors/images/image.h"
-#include "detectors/plenoptic/depth/depth_picture.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
 #include "detectors/plenoptic/markers/focused_image_detector.h"
+#include "detectors/plenoptic/views/depth_picture.h"
 
 namespace plenocal {
 namespace {

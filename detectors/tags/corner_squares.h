@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Recognition of black squares at the corners of tags.
 #pragma once
 
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <span>
 
-#include "detectors/tags/refine_tags.h"
+#include "detectors/tags/seen_tag.h"
 
 namespace plenocal::internal {
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Displacements by the terms of a local lens distortion.
 #pragma once
 
 #include <Eigen/Core>

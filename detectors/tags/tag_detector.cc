@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -16,12 +17,12 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "detectors/quads/apriltag_library.h"
-#include "detectors/quads/quad_prediction.h"
-#include "detectors/quads/sort_quads.h"
+#include "detectors/apriltag/apriltag_library.h"
+#include "detectors/tag_assignment/assign_tags.h"
+#include "detectors/tag_assignment/tag_prediction.h"
 #include "detectors/tags/corner_squares.h"
 #include "detectors/tags/refine_tags.h"
-#include "detectors/tags/tag_patterns.h"
+#include "detectors/tags/tag_template.h"
 #include "targets/tags/tag_family.h"
 
 namespace plenocal {
@@ -35,9 +36,9 @@ using internal::Predict;
 using internal::Prediction;
 using internal::Quad;
 using internal::QuadPoints;
-using internal::QuadTarget;
 using internal::Side;
 using internal::TagFamily;
+using internal::TagPositions;
 
 /// A tag as the library reads it.
 struct DecodedTag {
@@ -135,30 +136,30 @@ struct Found {
 };
 
 /// The numbers of all tags on the targets, ascending.
-std::vector<int> AllIds(const std::vector<QuadTarget>& targets) {
+std::vector<int> AllIds(const std::vector<TagPositions>& targets) {
   std::set<int> ids;
-  for (const QuadTarget& target : targets) {
+  for (const TagPositions& target : targets) {
     for (const auto& [id, points] : target) ids.insert(id);
   }
   return {ids.begin(), ids.end()};
 }
 
 /// In the order of the session.
-std::vector<QuadTarget> AllTargets(const Target& target, const Rivals& rivals) {
-  std::vector<QuadTarget> targets;
-  for (const Target& rival : rivals.targets) targets.push_back(internal::TagsOf(rival));
-  const auto own = targets.begin() + static_cast<std::ptrdiff_t>(rivals.before_own);
+std::vector<TagPositions> AllTargets(const Target& target, const OtherTargets& others) {
+  std::vector<TagPositions> targets;
+  for (const Target& other : others.targets) targets.push_back(internal::TagsOf(other));
+  const auto own = targets.begin() + static_cast<std::ptrdiff_t>(others.before_own);
   targets.insert(own, internal::TagsOf(target));
   return targets;
 }
 
 class TagDetector : public MarkerDetector {
  public:
-  TagDetector(const Target& target, const TagLayout& layout, const Rivals& rivals = {})
+  TagDetector(const Target& target, const TagLayout& layout, const OtherTargets& others = {})
       : layout_(layout),
-        family_(MakeTagFamily(layout, layout.border_bits)),
-        targets_(AllTargets(target, rivals)),
-        own_(rivals.before_own),
+        family_(MakeTagFamily(layout.family, layout.border_bits, layout.ids)),
+        targets_(AllTargets(target, others)),
+        own_(others.before_own),
         reader_(family_, AllIds(targets_)),
         points_(targets_[own_]) {
     for (const int id : layout.ids) bits_[id] = family_.Bits(id);
@@ -170,11 +171,29 @@ class TagDetector : public MarkerDetector {
     if (border_.corner_squares) border_.outside = gap_;
   }
 
-  [[nodiscard]] internal::TagPatterns Patterns(const cv::Mat& gray,
-                                               const std::map<int, Quad>& found) const {
+  /// Of the tags with these corners.
+  [[nodiscard]] std::vector<internal::MarkerTemplate> Templates(
+      const cv::Mat& gray, const std::map<int, Quad>& corners) const {
+    // The surround of a tag is drawn as far as it is known and blurs into the tag.
+    constexpr double kFarthest = 4;  // bits
     std::vector<internal::SeenTag> seen;
-    for (const auto& [id, corners] : found) seen.push_back({corners, bits_.at(id)});
-    return {BorderIn(gray, seen), bits_};
+    for (const auto& [id, quad] : corners) seen.push_back({quad, bits_.at(id)});
+    const internal::TagBorder border = BorderIn(gray, seen);
+    const int margin = 1 + static_cast<int>(std::clamp(border.outside, 1.0, kFarthest));
+    std::vector<internal::MarkerTemplate> templates;
+    for (const auto& [id, quad] : corners) {
+      const Eigen::Matrix3d cells_by_image = internal::CellsByUnitSquare(border, margin) *
+                                             internal::UnitSquareHomography(quad).inverse();
+      for (int k = 0; k < 4; ++k) {
+        templates.push_back({.marker = 4 * id + k,
+                             .position = quad[k],
+                             .cells_by_image = cells_by_image,
+                             .pattern = internal::DrawTag(bits_.at(id), border, margin),
+                             .margin = margin,
+                             .part = id});
+      }
+    }
+    return templates;
   }
 
   MarkerDetections Detect(const cv::Mat& gray) override {
@@ -221,7 +240,7 @@ class TagDetector : public MarkerDetector {
     // More than half of the target is more than neighbours or chance can be.
     if (!family_.classic() || 2 * exact > std::ssize(layout_.ids)) return {};
     const int other = layout_.border_bits == 1 ? 2 : 1;
-    const TagFamily other_family = MakeTagFamily(layout_, other);
+    const TagFamily other_family = MakeTagFamily(layout_.family, other, layout_.ids);
     TagReader reader(other_family, layout_.ids);
     reader.AdaptToNoise(gray);
     if (CountExact(reader.Read(gray, {0, 0, gray.cols, gray.rows}, 2)) <= exact) return {};
@@ -270,7 +289,7 @@ class TagDetector : public MarkerDetector {
     });
   }
 
-  /// Without rivals.
+  /// Without others.
   void FindAlone(const cv::Mat& gray, const std::vector<DecodedTag>& decoded, Found* found) {
     const cv::Rect whole(0, 0, gray.cols, gray.rows);
     Keep(gray, decoded, found);
@@ -319,9 +338,9 @@ class TagDetector : public MarkerDetector {
 
   /// Those of this detector's target, and those that are on no target.
   std::vector<DecodedTag> OwnOf(const std::vector<DecodedTag>& all, Found* found) const {
-    std::vector<internal::ReadQuad> read;
+    std::vector<internal::ReadTag> read;
     for (const DecodedTag& tag : all) read.push_back({tag.id, tag.corners});
-    const std::vector<internal::QuadOwner> owners = internal::SortQuads(read, targets_);
+    const std::vector<internal::TagOwner> owners = internal::AssignTags(read, targets_);
     std::vector<DecodedTag> own;
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!all[i].on_target || owners[i].target == own_) {
@@ -457,11 +476,9 @@ class TagDetector : public MarkerDetector {
               "{} corner of tag {}: the image is not like the tag there", kCorners[k], ids[i]));
           continue;
         }
-        Observation observation;
-        observation.marker = 4 * ids[i] + static_cast<int>(k);
-        observation.values = {corner->point.x(), corner->point.y()};
-        observation.detector_sigma = corner->sigma;
-        result.markers.push_back(observation);
+        result.markers.push_back({.marker = 4 * ids[i] + static_cast<int>(k),
+                                  .values = {corner->point.x(), corner->point.y()},
+                                  .detector_sigma = corner->sigma});
         result.sensitivities.push_back(corner->sensitivity);
       }
     }
@@ -482,28 +499,37 @@ class TagDetector : public MarkerDetector {
 
   TagLayout layout_;
   TagFamily family_;
-  std::vector<QuadTarget> targets_;  // its own and its rivals
-  std::size_t own_;                  // index of its own
+  std::vector<TagPositions> targets_;  // its own and its others
+  std::size_t own_;                    // index of its own
   TagReader reader_;
   internal::TagBorder border_;
   double gap_ = internal::TagBorder().outside;  ///< between tags, bits; of one tag as usual
   std::map<int, std::vector<bool>> bits_;
-  QuadTarget points_;
+  TagPositions points_;
 };
 
 }  // namespace
 
-internal::TagPatterns internal::FindTagPatterns(const TagLayout& layout,
-                                                const Target& target,
-                                                const cv::Mat& gray,
-                                                const std::map<int, Quad>& found) {
-  return TagDetector(target, layout).Patterns(gray, found);
+std::vector<internal::MarkerTemplate> internal::MakeTemplates(const TagLayout& layout,
+                                                              const Target& target,
+                                                              const std::vector<Observation>& found,
+                                                              const cv::Mat& gray) {
+  std::map<int, std::map<int, Eigen::Vector2d>> by_tag;
+  for (const Observation& seen : found) {
+    by_tag[seen.marker / 4][seen.marker % 4] = {seen.values[0], seen.values[1]};
+  }
+  std::map<int, Quad> whole;
+  for (const auto& [id, corners] : by_tag) {
+    if (corners.size() < 4) continue;
+    whole[id] = {corners.at(0), corners.at(1), corners.at(2), corners.at(3)};
+  }
+  return TagDetector(target, layout).Templates(gray, whole);
 }
 
 std::unique_ptr<MarkerDetector> MakeDetector(const TagLayout& layout,
                                              const Target& target,
-                                             const Rivals& rivals) {
-  return std::make_unique<TagDetector>(target, layout, rivals);
+                                             const OtherTargets& others) {
+  return std::make_unique<TagDetector>(target, layout, others);
 }
 
 }  // namespace plenocal

@@ -33,7 +33,7 @@ double Area(const Quad& q) {
   return std::abs(a.x() * b.y() - a.y() * b.x()) / 2;
 }
 
-CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around) {
+CellTemplate DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around) {
   const int n = border.width + 2 * around;
   std::vector<float> cells(static_cast<std::size_t>(n) * n, 1.f);
   for (int y = 0; y < border.width; ++y) {
@@ -268,7 +268,7 @@ void TagTemplate::Differentiate(const State& state,
   const float g_x = static_cast<float>(state.gradient.x());
   const float g_y = static_cast<float>(state.gradient.y());
   const float by_px = 1 / static_cast<float>(side_);
-  const CellDrawing::Drawn& drawn = strip.drawn;
+  const CellTemplate::Drawn& drawn = strip.drawn;
   Lanes light = 1 + g_x * strip.x + g_y * strip.y, level = m + k * drawn.value;
   const Lanes residual = strip.gray - light * level;
   const Lanes counts = (residual < 0 ? -residual : residual) <= limit_ ? strip.known : Lanes{};

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The template of a tag and its fit to an image.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,8 +12,8 @@
 #include <vector>
 
 #include "detectors/tags/distortion_basis.h"
-#include "detectors/tags/refine_tags.h"
-#include "detectors/templates/cell_drawing.h"
+#include "detectors/tags/seen_tag.h"
+#include "detectors/templates/cell_template.h"
 #include "targets/tags/quad.h"
 
 namespace plenocal::internal {
@@ -20,7 +22,7 @@ double Area(const Quad& q);
 
 /// A tag's bits and `around` bits on each side of it, the last of what is beyond: 1 in the colour
 /// around the tag, -1 in the other.
-CellDrawing DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around);
+CellTemplate DrawTag(const std::vector<bool>& bits, const TagBorder& border, int around);
 
 /// Maps the unit square of `UnitSquareHomography`, whose y axis points up, to the drawing's cells.
 Eigen::Matrix3d CellsByUnitSquare(const TagBorder& border, int around);
@@ -108,7 +110,7 @@ class TagTemplate {
   struct Strip {
     int count = 0;
     Lanes d_x{}, d_y{}, x{}, y{}, gray{}, known{};
-    CellDrawing::Drawn drawn;
+    CellTemplate::Drawn drawn;
   };
 
   /// y of a point of the image, and back.
@@ -177,7 +179,7 @@ class TagTemplate {
   TagBorder border_;
   int bits_ = 0;                ///< of the drawing: the tag and those around it
   Eigen::AlignedBox2d window_;  ///< of the drawing, bits: what is fitted
-  CellDrawing drawing_;         ///< of -1, 1 and, the outermost, e
+  CellTemplate drawing_;        ///< of -1, 1 and, the outermost, e
   State state_;
   Quad start_, corners_;
   Eigen::Vector2d centre_;

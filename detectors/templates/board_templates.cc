@@ -79,7 +79,7 @@ std::vector<MarkerTemplate> DiscTemplates(const DiscGrid& discs,
     templates.push_back({.marker = seen.marker,
                          .position = position,
                          .cells_by_image = *cells_by_image,
-                         .pattern = DiscDrawing(1)});
+                         .pattern = DiscTemplate(1)});
   }
   return templates;
 }

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "calib/camera/observation.h"
-#include "detectors/templates/cell_drawing.h"
+#include "detectors/templates/cell_template.h"
 #include "detectors/templates/marker_template.h"
 #include "targets/target.h"
 
 namespace plenocal::internal {
 
 /// Draws the pattern around the corner in a column and row: squares, as many to each side of it.
-using DrawCorner = std::function<CellDrawing(int column, int row)>;
+using DrawCorner = std::function<CellTemplate(int column, int row)>;
 
 /// Corners of squares, number row * columns + column. The pattern that `draw` returns is `squares`
 /// x `squares` squares with the corner in the middle, coordinates in squares.

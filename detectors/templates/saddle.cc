@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 
 #include "calib/base/robust.h"
-#include "detectors/templates/patch_fit.h"
+#include "detectors/templates/pixel_fit.h"
 
 namespace plenocal::internal {
 namespace {
@@ -249,7 +249,7 @@ std::optional<Saddle> FitSaddle(const cv::Mat& gray, const SaddleGuess& guess) {
   constexpr double kReach = 0.35;      // of a square
   constexpr double kLeastReach = 1.5;  // px: so good is a detector's first place
   const double reach = std::min(kReach * spacing, kMaxRadius / 2);
-  const auto fit = FitPatch<CrossingEdges::kSize>(
+  const auto fit = FitPixels<CrossingEdges::kSize>(
       CrossingEdges(guess, std::max(reach, kLeastReach)), pixels, start);
   if (!fit) return std::nullopt;
   if (fit->explained < kMinExplained) return std::nullopt;

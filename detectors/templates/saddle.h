@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Measurement of the corners of chessboards and ChArUco boards.
 #pragma once
 
 #include <Eigen/Core>

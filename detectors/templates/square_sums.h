@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Sums of outer products, the inner loop of the fits.
 #pragma once
 
 #include "detectors/templates/lanes.h"

@@ -16,6 +16,7 @@
 #include "calib/files/frame_images.h"
 #include "detectors/detect.h"
 #include "detectors/images/image.h"
+#include "detectors/images/opencv_threads.h"
 #include "engine/observe/left_out.h"
 #include "engine/observe/scene_session.h"
 #include "engine/recording/frames/session_frames.h"
@@ -38,7 +39,7 @@ class SceneImageFollower {
  public:
   SceneImageFollower(const Session& session, const Run& run)
       : session_(session), run_(run), exclusion_(session.exclude), images_(session.cameras.size()) {
-    cv::setNumThreads(0);  // the same bytes for any number of threads
+    UseNoOpenCvThreads();
   }
 
   SceneObservations Follow() {

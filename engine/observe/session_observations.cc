@@ -157,10 +157,10 @@ class Collector {
     std::vector<LeftOut> left_out, tags;
     ImageDetections all;
     for (size_t k = 0; k < targets_.size(); ++k) {
-      const Rivals rivals = RivalsOf(targets_, k);
-      ImageDetections found = DetectImages(images, targets_[k], optics, options, rivals);
+      const OtherTargets others = OtherTargetsOf(targets_, k);
+      ImageDetections found = DetectImages(images, targets_[k], optics, options, others);
       views.push_back(std::move(found.views));
-      if (!rivals.targets.empty()) {
+      if (!others.targets.empty()) {
         std::ranges::copy_if(found.left_out, std::back_inserter(tags), [](const LeftOut& item) {
           return !item.whole;
         });

@@ -8,7 +8,7 @@
 #include <variant>
 
 #include "calib/base/format_error.h"
-#include "detectors/quads/sort_quads.h"
+#include "detectors/tag_assignment/assign_tags.h"
 
 namespace plenocal {
 namespace {
@@ -129,19 +129,19 @@ std::vector<IdenticalBoards> CheckDistinct(const Session& session,
   return pairs;
 }
 
-Rivals RivalsOf(std::span<const Target> targets, size_t k) {
+OtherTargets OtherTargetsOf(std::span<const Target> targets, size_t k) {
   std::vector<Target> family;
-  Rivals rivals;
+  OtherTargets others;
   for (size_t i = 0; i < targets.size(); ++i) {
     if (!SameFamily(targets[i], targets[k])) continue;
     family.push_back(targets[i]);
     if (i == k) continue;
-    rivals.targets.push_back(targets[i]);
-    if (i < k) ++rivals.before_own;
+    others.targets.push_back(targets[i]);
+    if (i < k) ++others.before_own;
   }
   for (size_t i = 0; i < family.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      if (ShareNumbers(family[i], family[j])) return rivals;
+      if (ShareNumbers(family[i], family[j])) return others;
     }
   }
   return {};

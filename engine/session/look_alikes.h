@@ -8,7 +8,7 @@
 
 #include "calib/files/session.h"
 #include "calib/rig/identical_boards.h"
-#include "detectors/images/rivals.h"
+#include "detectors/images/other_targets.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -21,6 +21,6 @@ std::vector<IdenticalBoards> CheckDistinct(const Session& session, std::span<con
 
 /// The targets whose tags or grids a detector of target `k` must not take for its own: all others
 /// of its type and family, if any two of these share numbers of markers.
-Rivals RivalsOf(std::span<const Target> targets, size_t k);
+OtherTargets OtherTargetsOf(std::span<const Target> targets, size_t k);
 
 }  // namespace plenocal

@@ -6,6 +6,7 @@
 #include <limits>
 #include <variant>
 
+#include "targets/target.h"
 #include "targets/target_drawing.h"
 
 namespace plenocal {

@@ -14,7 +14,7 @@ namespace plenocal {
 /// Circles in a hexagonal grid, each with six neighbours at the same distance: every second row is
 /// moved by half of the spacing. The markers are the circles' centres, number
 /// row * columns + column.
-struct HexagonalLayout {
+struct HexagonalLayout : internal::PlaneBoard {
   int columns = 0, rows = 0;
   double spacing = 0;  ///< m, between neighbouring circles
 
@@ -26,12 +26,6 @@ struct HexagonalLayout {
   static constexpr std::array kTypes{
       TargetType{"hexagonal", kKeys, "columns: 9\nrows: 8\nspacing: 0.03\n", Read}};
 
-  static constexpr bool kHasNominalMarkers = true;
-  [[nodiscard]] static int Part(int /*marker*/) { return 0; }
-  [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& /*markers*/, int /*marker*/) {
-    return internal::BoardNormal();
-  }
-  [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
   [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 };

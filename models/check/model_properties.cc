@@ -215,8 +215,7 @@ class Examination {
   std::vector<std::string> violations_;
 };
 
-std::vector<std::string> IsDescribed(const CameraModel& model) {
-  Examination check(model);
+void IsDescribed(const CameraModel& model, Examination& check) {
   check.Expect(!model.name.empty() &&
                    model.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") ==
                        std::string_view::npos,
@@ -256,11 +255,9 @@ std::vector<std::string> IsDescribed(const CameraModel& model) {
       check.Expect(columns.insert(name).second, "coordinate {} is a column already", name);
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> FindsPixelsAgain(const CameraModel& model) {
-  Examination check(model);
+void FindsPixelsAgain(const CameraModel& model, Examination& check) {
   for (const Values& seen : check.Grid(20)) {
     const std::optional<Ray> ray = check.RayOf(seen);
     if (!ray) continue;
@@ -289,11 +286,9 @@ std::vector<std::string> FindsPixelsAgain(const CameraModel& model) {
       }
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> FindsDirectionsAgain(const CameraModel& model) {
-  Examination check(model);
+void FindsDirectionsAgain(const CameraModel& /*model*/, Examination& check) {
   for (const double phi : Azimuths()) {
     const double edge = check.EdgeOfDomain(phi);
     if (!check.Expect(edge > 2 * kEdgeMargin, "nothing is imaged around the optical axis")) break;
@@ -320,11 +315,9 @@ std::vector<std::string> FindsDirectionsAgain(const CameraModel& model) {
       }
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> HasOneDomain(const CameraModel& model) {
-  Examination check(model);
+void HasOneDomain(const CameraModel& model, Examination& check) {
   constexpr double kScan = 0.003;  // rad
   for (const double phi : Azimuths()) {
     // The domain has one edge: what lies beyond it is not imaged again (a fold would show here).
@@ -355,11 +348,9 @@ std::vector<std::string> HasOneDomain(const CameraModel& model) {
   Values values = check.Centre();
   check.Expect(!check.Project(Eigen::Vector3d::Zero(), &values),
                "the camera frame's origin is imaged");
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> GivesNoNan(const CameraModel& model) {
-  Examination check(model);
+void GivesNoNan(const CameraModel& model, Examination& check) {
   std::vector<double> sizes;
   for (int power = -320; power <= 300; power += 20) sizes.push_back(std::pow(10.0, power));
   sizes.push_back(0);
@@ -396,11 +387,9 @@ std::vector<std::string> GivesNoNan(const CameraModel& model) {
     Values values = check.Centre();
     check.Expect(!check.Project(p_cam, &values), "point {} is imaged", Text(p_cam));
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> HasDerivativesOverTheImage(const CameraModel& model) {
-  Examination check(model);
+void HasDerivativesOverTheImage(const CameraModel& model, Examination& check) {
   for (const Values& seen : check.Grid(6)) {
     const std::optional<Ray> ray = check.RayOf(seen);
     if (!ray) continue;
@@ -411,11 +400,9 @@ std::vector<std::string> HasDerivativesOverTheImage(const CameraModel& model) {
       check.CheckJacobian(p_cam, check.WithOptionalContext(seen), kDerivative);
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> HasDerivativesOnTheAxis(const CameraModel& model) {
-  Examination check(model);
+void HasDerivativesOnTheAxis(const CameraModel& /*model*/, Examination& check) {
   const Values centre = check.Centre();
   for (const double depth : kDepths) {
     check.CheckJacobian({0, 0, depth}, centre, kDerivative);
@@ -425,22 +412,18 @@ std::vector<std::string> HasDerivativesOnTheAxis(const CameraModel& model) {
       check.CheckJacobian({-offset * depth, offset * depth, depth}, centre, kDerivative);
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> HasDerivativesAtTheEdge(const CameraModel& model) {
-  Examination check(model);
+void HasDerivativesAtTheEdge(const CameraModel& /*model*/, Examination& check) {
   for (const double phi : Azimuths()) {
     const double theta = check.EdgeOfDomain(phi) - 4 * kEdgeMargin;
     for (const double depth : kDepths) {
       check.CheckJacobian(depth * Direction(theta, phi), check.Centre(), kDerivativeAtEdge);
     }
   }
-  return std::move(check).Violations();
 }
 
-std::vector<std::string> IsCentral(const CameraModel& model) {
-  Examination check(model);
+void IsCentral(const CameraModel& model, Examination& check) {
   for (const Values& seen : check.Grid(10)) {
     const std::optional<Ray> ray = check.RayOf(seen);
     if (!ray) continue;
@@ -472,6 +455,12 @@ std::vector<std::string> IsCentral(const CameraModel& model) {
       }
     }
   }
+}
+
+template <auto property>
+std::vector<std::string> ViolationsOf(const CameraModel& model) {
+  Examination check(model);
+  property(model, check);
   return std::move(check).Violations();
 }
 
@@ -482,33 +471,36 @@ std::span<const ModelProperty> ModelProperties() {
       {"IsDescribed",
        "names, units, limits and source are there, the example lies within the limits",
        false,
-       &IsDescribed},
+       &ViolationsOf<IsDescribed>},
       {"FindsPixelsAgain",
        "the whole example image is seen, and points on a pixel's ray are imaged in that pixel",
        false,
-       &FindsPixelsAgain},
+       &ViolationsOf<FindsPixelsAgain>},
       {"FindsDirectionsAgain",
        "the image of a direction leads back to it, up to the edge of the domain",
        true,
-       &FindsDirectionsAgain},
+       &ViolationsOf<FindsDirectionsAgain>},
       {"HasOneDomain",
        "all directions up to one edge are imaged and none beyond it",
        false,
-       &HasOneDomain},
-      {"GivesNoNan", "huge, tiny and NaN points and pixels give no NaN", false, &GivesNoNan},
+       &ViolationsOf<HasOneDomain>},
+      {"GivesNoNan",
+       "huge, tiny and NaN points and pixels give no NaN",
+       false,
+       &ViolationsOf<GivesNoNan>},
       {"HasDerivativesOverTheImage",
        "derivatives agree with differences over the image",
        false,
-       &HasDerivativesOverTheImage},
+       &ViolationsOf<HasDerivativesOverTheImage>},
       {"HasDerivativesOnTheAxis",
        "derivatives agree with differences on the optical axis and near it",
        false,
-       &HasDerivativesOnTheAxis},
+       &ViolationsOf<HasDerivativesOnTheAxis>},
       {"HasDerivativesAtTheEdge",
        "derivatives agree with differences at the edge of the domain",
        true,
-       &HasDerivativesAtTheEdge},
-      {"IsCentral", "points of one ray are imaged in one pixel", true, &IsCentral},
+       &ViolationsOf<HasDerivativesAtTheEdge>},
+      {"IsCentral", "points of one ray are imaged in one pixel", true, &ViolationsOf<IsCentral>},
   }};
   return kProperties;
 }

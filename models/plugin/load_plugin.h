@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Loading of camera models from shared libraries.
 #pragma once
 
 #include <filesystem>

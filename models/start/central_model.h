@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Common part of the models of ordinary cameras.
 #pragma once
 
 #include <algorithm>
@@ -25,12 +27,14 @@ struct CentralModel {
   static constexpr bool kCentral = true;
   static constexpr bool kPlenoptic = false;
 
+  /// Whether a fisheye (`kannala-brandt4`) explains the views far better than the model's best
+  /// initial guess, with residuals of median length `median_error`, px; impossible when it sees
+  /// points 90 degrees and more off the axis where the model images nothing. In
+  /// check/central_misfit.cc.
   static Misfit JudgeFit(const CameraModel& model,
                          const StartProblem& problem,
                          std::span<const double> params,
-                         double median_error) {
-    return CentralMisfit(model, problem, params, median_error);
-  }
+                         double median_error);
 };
 
 /// `f_x f_y c_x c_y`, then a lens' own parameters.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Initial guesses of ordinary cameras without help from the user.
 #pragma once
 
 #include <functional>
-#include <span>
-#include <string>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
@@ -31,13 +31,5 @@ using CamerasNearAxis =
 std::vector<StartCandidate> StartCentral(const CameraModel& model,
                                          const StartProblem& problem,
                                          const CamerasNearAxis& near_axis);
-
-/// Whether a fisheye (`kannala-brandt4`) explains the views far better than the central model's
-/// best initial guess, with residuals of median length `median_error`, px; impossible when it sees
-/// points 90 degrees and more off the axis where the model images nothing.
-Misfit CentralMisfit(const CameraModel& model,
-                     const StartProblem& problem,
-                     std::span<const double> params,
-                     double median_error);
 
 }  // namespace plenocal

@@ -11,7 +11,6 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/start/camera_guess.h"
-#include "models/pinhole_radial3.h"
 
 namespace plenocal {
 namespace {
@@ -90,10 +89,7 @@ VirtualImage FitVirtualImage(std::span<const View> views) {
       const double T = 1 / (1 - fit[2]);
       if (!std::isfinite(T)) continue;
       const Eigen::Vector2d q = mean + T * (fit.head<2>() - mean);
-      Observation observation;
-      observation.marker = marker;
-      observation.values = {q.x(), q.y()};
-      virtual_view.observations.push_back(observation);
+      virtual_view.observations.push_back({.marker = marker, .values = {q.x(), q.y()}});
       image.points.push_back({v, marker, T, std::pow(T, 4) / spread});
     }
     image.views.push_back(std::move(virtual_view));
@@ -114,14 +110,14 @@ struct VirtualCamera {
   }
 };
 
-std::optional<VirtualCamera> CalibrateVirtualImage(const StartProblem& problem) {
+std::optional<VirtualCamera> CalibrateVirtualImage(const CameraModel& model,
+                                                   const StartProblem& problem) {
   const VirtualImage image = FitVirtualImage(problem.views);
-  static constexpr CameraModel kPinhole = MakeCameraModel<PinholeRadial3>();
   CameraInput pinhole{.name = "virtual image",
-                      .model = &kPinhole,
+                      .model = &model,
                       .config = {},
-                      .initial = std::vector<std::optional<double>>(kPinhole.params.size()),
-                      .fixed = std::vector<bool>(kPinhole.params.size(), false),
+                      .initial = std::vector<std::optional<double>>(model.params.size()),
+                      .fixed = std::vector<bool>(model.params.size(), false),
                       .image_size = problem.image_size,
                       .views = image.views};
   for (const auto& [of_pinhole, of_plenoptic] : {std::pair{2, kCentreX}, std::pair{3, kCentreY}}) {
@@ -174,8 +170,9 @@ std::vector<View> VirtualImageViews(std::span<const View> views) {
   return FitVirtualImage(views).views;
 }
 
-std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
-  const auto camera = CalibrateVirtualImage(problem);
+std::vector<StartCandidate> StartPlenoptic(const CameraModel& pinhole,
+                                           const StartProblem& problem) {
+  const auto camera = CalibrateVirtualImage(pinhole, problem);
   if (!camera) return {};
   const double b_s = camera->focal;
   std::vector<StartCandidate> candidates;
@@ -205,16 +202,17 @@ std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem) {
   return candidates;
 }
 
-std::vector<StartCandidate> StartPlenopticPupil(const StartProblem& problem) {
+std::vector<StartCandidate> StartPlenopticPupil(const CameraModel& pinhole,
+                                                const StartProblem& problem) {
   std::vector<StartCandidate> candidates;
   const auto add = [&](std::vector<double> params, double b_P) {
     params.push_back(problem.given[kCount].value_or(b_P));
     candidates.push_back({std::move(params)});
   };
   // A pupil in the thin lens may be near enough.
-  for (const StartCandidate& thin : StartPlenoptic(problem))
+  for (const StartCandidate& thin : StartPlenoptic(pinhole, problem))
     add(thin.params, thin.params[kMlaDistance]);
-  const auto camera = CalibrateVirtualImage(problem);
+  const auto camera = CalibrateVirtualImage(pinhole, problem);
   const auto& f_L = problem.given[kFocal];
   if (!camera || !f_L) return candidates;
   const double f = *f_L, F = camera->focal;

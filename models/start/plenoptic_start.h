@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Closed-form initial guesses of focused plenoptic cameras.
 #pragma once
 
 #include <span>
@@ -15,16 +17,18 @@ namespace plenocal {
 ///
 ///   B = (b_L0 + B)^2 / (b + b_L0 + B),  f_L = b_L0 / (1 - a B / (b_L0 + B)).
 ///
-/// config[0] is the pixel size, m; observations are (x, y, lens_x, lens_y). A second candidate
-/// takes f_L from the user, for targets without depth. Empty when the views do not suffice.
-std::vector<StartCandidate> StartPlenoptic(const StartProblem& problem);
+/// `pinhole` is the model `pinhole-radial3`; config[0] is the pixel size, m; observations are (x,
+/// y, lens_x, lens_y). A second candidate takes f_L from the user, for targets without depth. Empty
+/// when the views do not suffice.
+std::vector<StartCandidate> StartPlenoptic(const CameraModel& pinhole, const StartProblem& problem);
 
 /// Likewise with the exit pupil's distance b_P as tenth parameter, for a given f_L. The virtual
 /// image's pinhole then is in the entrance pupil and has another focal length F; with
 /// e = f_L - b_L0 and distances from the entrance pupil
 ///
 ///   F = f_L (b_P + B) / (e + b_P),  a = e F / (f_L B),  b = f_L b_P F / ((e + b_P) B).
-std::vector<StartCandidate> StartPlenopticPupil(const StartProblem& problem);
+std::vector<StartCandidate> StartPlenopticPupil(const CameraModel& pinhole,
+                                                const StartProblem& problem);
 
 /// The virtual image of each view, in which the camera is an ordinary one of focal length b_L0 + B:
 /// one observation (x, y) for each marker that at least two micro images show, px.

@@ -21,6 +21,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "models/registry.h"
+#include "models/start/central_model.h"
 #include "models/start/central_start.h"
 #include "python/src/bindings.h"
 
@@ -230,7 +231,7 @@ CameraModel TableOf(ImageSize size) {
     return UnprojectOne(slots[I], params, values);
   };
   model.start = [](const StartProblem& problem) { return StartOf(slots[I], problem); };
-  model.misfit = &CentralMisfit;
+  model.misfit = &CentralModel::JudgeFit;
   return model;
 }
 

@@ -11,7 +11,7 @@
 #include "calib/base/error.h"
 #include "calib/files/detections.h"
 #include "detectors/images/image.h"
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "engine/session/open_session.h"
 #include "models/registry.h"
 #include "python/src/bindings.h"

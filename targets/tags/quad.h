@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A tag's four corners and the homography that maps a square to them.
 #pragma once
 
 #include <Eigen/Core>

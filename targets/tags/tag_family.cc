@@ -124,28 +124,21 @@ apriltag_family_t TagFamily::Subset(const std::vector<int>& ids,
   return subset;
 }
 
-TagFamily MakeTagFamily(const TagLayout& layout, int border_bits) {
-  TagFamily family(layout.family, border_bits);
+TagFamily MakeTagFamily(std::string_view name, int border_bits, std::span<const int> ids) {
+  TagFamily family(name, border_bits);
   if (border_bits < 1 || (border_bits > 1 && !family.classic())) {
     throw InputError("border_bits: {} does not suit family {}; expected {}",
                      border_bits,
-                     layout.family,
+                     name,
                      family.classic() ? "1 or more" : "1");
   }
-  for (const int id : layout.ids) {
+  for (const int id : ids) {
     if (id < 0 || id >= family.size()) {
       throw InputError(
-          "tag {} is not in family {}; it has tags 0 to {}", id, layout.family, family.size() - 1);
+          "tag {} is not in family {}; it has tags 0 to {}", id, name, family.size() - 1);
     }
   }
   return family;
-}
-
-std::map<int, TagPicture> DrawTags(const TagLayout& layout) {
-  const TagFamily family = MakeTagFamily(layout, layout.border_bits);
-  std::map<int, TagPicture> pictures;
-  for (const int id : layout.ids) pictures[id] = family.Picture(id);
-  return pictures;
 }
 
 }  // namespace plenocal::internal

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Codes and pictures of the tags of an AprilTag family.
 #pragma once
 
 #include <apriltag/apriltag.h>
 
 #include <cstddef>
 #include <cstdint>
-#include <map>
+#include <span>
 #include <string_view>
 #include <vector>
-
-#include "targets/types/tag.h"
 
 namespace plenocal::internal {
 
@@ -59,11 +59,8 @@ class TagFamily {
   std::vector<std::uint32_t> bit_x_, bit_y_;
 };
 
-/// The family of a target's tags, with a border of `border_bits`. Throws `Error` for a family,
-/// border or tag that does not exist.
-TagFamily MakeTagFamily(const TagLayout& layout, int border_bits);
-
-/// The tags of a target by id. Throws as `MakeTagFamily`.
-std::map<int, TagPicture> DrawTags(const TagLayout& layout);
+/// The family of a target's tags `ids`, with a border of `border_bits`. Throws `Error` for a
+/// family, border or tag that does not exist.
+TagFamily MakeTagFamily(std::string_view name, int border_bits, std::span<const int> ids);
 
 }  // namespace plenocal::internal

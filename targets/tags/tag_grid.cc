@@ -16,22 +16,27 @@ std::vector<int> TagIds(const TagGrid& grid) {
 }
 
 MarkerPositions CornerPositions(const TagGrid& grid) {
-  const double pitch = (1 + grid.spacing) * grid.size;
   MarkerPositions markers;
-  int id = grid.first_id;
+  int number = 4 * grid.first_id;
   for (int row = 0; row < grid.rows; ++row) {
-    for (int column = 0; column < grid.columns; ++column, ++id) {
-      const Eigen::Vector3d lower_left(column * pitch, row * pitch, 0);
-      markers[4 * id] = lower_left;
-      markers[4 * id + 1] = lower_left + Eigen::Vector3d(grid.size, 0, 0);
-      markers[4 * id + 2] = lower_left + Eigen::Vector3d(grid.size, grid.size, 0);
-      markers[4 * id + 3] = lower_left + Eigen::Vector3d(0, grid.size, 0);
+    for (int column = 0; column < grid.columns; ++column) {
+      for (const Eigen::Vector3d& corner : TagCorners(grid, column, row))
+        markers[number++] = corner;
     }
   }
   return markers;
 }
 
 }  // namespace
+
+std::array<Eigen::Vector3d, 4> TagCorners(const TagGrid& grid, int column, int row) {
+  const double pitch = (1 + grid.spacing) * grid.size, s = grid.size;
+  const Eigen::Vector3d lower_left(column * pitch, row * pitch, 0);
+  return {lower_left,
+          lower_left + Eigen::Vector3d(s, 0, 0),
+          lower_left + Eigen::Vector3d(s, s, 0),
+          lower_left + Eigen::Vector3d(0, s, 0)};
+}
 
 void CheckTagId(int id, const CodeBook& family, const YamlNode& node) {
   if (id >= 0 && id < family.size) return;

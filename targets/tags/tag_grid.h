@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Targets that are a regular grid of tags.
 #pragma once
+
+#include <Eigen/Core>
+#include <array>
 
 #include "targets/code_books.h"
 #include "targets/target.h"
@@ -14,6 +19,9 @@ struct TagGrid {
   double spacing = 0;  ///< gap between tags / size
   int first_id = 0;
 };
+
+/// The tag's corners in a column and row of the grid, in the order of its markers.
+std::array<Eigen::Vector3d, 4> TagCorners(const TagGrid& grid, int column, int row);
 
 /// Refuses an id that the family does not have; nothing would ever detect that tag.
 void CheckTagId(int id, const CodeBook& family, const YamlNode& node);

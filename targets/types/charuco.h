@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Target type of OpenCV's ChArUco boards.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,7 +26,7 @@ namespace plenocal {
 ///
 /// In both, the ids of ArUco markers count the white squares row by row from the top left. With an
 /// odd number of rows the patterns are the same.
-struct CharucoLayout {
+struct CharucoLayout : internal::PlaneBoard {
   int columns = 0, rows = 0;   ///< squares
   double square = 0;           ///< m, side of a square
   double marker = 0;           ///< m, side of the ArUco markers
@@ -49,12 +51,6 @@ struct CharucoLayout {
                  Read,
                  "square:marker:dictionary"}};
 
-  static constexpr bool kHasNominalMarkers = true;
-  [[nodiscard]] static int Part(int /*marker*/) { return 0; }
-  [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& /*markers*/, int /*marker*/) {
-    return internal::BoardNormal();
-  }
-  [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
   [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   /// Without a statement of the file: the new pattern.
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Target type of chessboards.
 #pragma once
 
 #include <array>
@@ -11,7 +13,7 @@ namespace plenocal {
 
 /// Chessboard; the markers are its inner corners, number row * columns + column, x along the
 /// columns, y down.
-struct ChessboardLayout {
+struct ChessboardLayout : internal::PlaneBoard {
   int columns = 0, rows = 0;  ///< inner corners
   double square = 0;          ///< m, side of a square
 
@@ -23,12 +25,6 @@ struct ChessboardLayout {
   static constexpr std::array kTypes{
       TargetType{"chessboard", kKeys, "columns: 6\nrows: 5\nsquare: 0.03\n", Read, "square"}};
 
-  static constexpr bool kHasNominalMarkers = true;
-  [[nodiscard]] static int Part(int /*marker*/) { return 0; }
-  [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& /*markers*/, int /*marker*/) {
-    return internal::BoardNormal();
-  }
-  [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
   [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 };

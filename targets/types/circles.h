@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Target type of circle grids.
 #pragma once
 
 #include <array>
@@ -12,7 +14,7 @@ namespace plenocal {
 /// Circle grid; the markers are the circles' centres, number row * columns + column. In an
 /// asymmetric grid every second row is moved by `spacing` and circles of a row are 2 * spacing
 /// apart.
-struct CirclesLayout {
+struct CirclesLayout : internal::PlaneBoard {
   int columns = 0, rows = 0;
   double spacing = 0;  ///< m
   bool asymmetric = false;
@@ -34,12 +36,6 @@ struct CirclesLayout {
                  Read,
                  "spacing:pattern=symmetric"}};
 
-  static constexpr bool kHasNominalMarkers = true;
-  [[nodiscard]] static int Part(int /*marker*/) { return 0; }
-  [[nodiscard]] static Eigen::Vector3d Normal(const MarkerPositions& /*markers*/, int /*marker*/) {
-    return internal::BoardNormal();
-  }
-  [[nodiscard]] static std::vector<MarkerQuad> Quads() { return {}; }
   [[nodiscard]] TargetDoubts Doubts(const YamlNode& nominal) const;
   [[nodiscard]] std::vector<TargetPart> Draw(const MarkerPositions& markers, Pieces pieces) const;
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Target type of points without a pattern.
 #pragma once
 
 #include <array>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tags are drawn by targets/tags/tag_drawing.cc.
+// Tags are drawn by targets/types/tag_drawing.cc.
 #include "targets/types/tag.h"
 
 #include <fmt/format.h>
@@ -13,6 +13,7 @@
 
 #include "calib/base/number_text.h"
 #include "calib/camera/corner_orders.h"
+#include "targets/plane_grid.h"
 #include "targets/reading.h"
 #include "targets/tags/tag_grid.h"
 
@@ -165,32 +166,26 @@ void AddCornerOrders(const MarkerPositions& markers,
 // A grid whose ids run in rows of `columns` from `first_id` on.
 CandidatePlaces OtherGrid(const internal::TagGrid& stated, int columns, int first_id) {
   CandidatePlaces places;
-  const double pitch = (1 + stated.spacing) * stated.size, s = stated.size;
   for (int i = 0; i < stated.columns * stated.rows; ++i) {
     const int id = stated.first_id + i, from = id - first_id;
     const int column = (from % columns + columns) % columns;
     const int row = (from - column) / columns;
-    const Eigen::Vector3d corner(column * pitch, row * pitch, 0);
-    places[4 * id] = {corner};
-    places[4 * id + 1] = {corner + Eigen::Vector3d(s, 0, 0)};
-    places[4 * id + 2] = {corner + Eigen::Vector3d(s, s, 0)};
-    places[4 * id + 3] = {corner + Eigen::Vector3d(0, s, 0)};
+    int number = 4 * id;
+    for (const Eigen::Vector3d& corner : internal::TagCorners(stated, column, row)) {
+      places[number++] = {corner};
+    }
   }
   return places;
 }
 
 void AddGrids(const internal::TagGrid& stated, std::vector<TargetHypothesis>* hypotheses) {
-  constexpr int kMostColumns = 60;  // longer rows are not printed
   const int count = stated.columns * stated.rows;
-  for (int columns = 1; columns <= std::min(count, kMostColumns); ++columns) {
+  for (int columns = 1; columns <= std::min(count, internal::kMostColumns); ++columns) {
     if (columns == stated.columns) continue;
     hypotheses->push_back(
         {.code = "target_layout",
          .what = fmt::format("the ids run in rows of {} tags, not of {}", columns, stated.columns),
-         .remedy = fmt::format("set columns: {} and {}",
-                               columns,
-                               count % columns == 0 ? fmt::format("rows: {}", count / columns)
-                                                    : std::string("the rows that go with it")),
+         .remedy = internal::ColumnsRemedy(columns, count),
          .places = [=] { return OtherGrid(stated, columns, stated.first_id); }});
   }
   for (int first = 1; first < stated.columns; ++first) {

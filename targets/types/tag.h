@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Target types of AprilTags: any arrangement, and grids.
 #pragma once
 
 #include <array>

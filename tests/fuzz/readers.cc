@@ -324,7 +324,7 @@ void ReadColmapImagesOf(const fs::path& path) {
 // ---- images, cache, plug-ins, command line
 
 void ReadImageFile(const fs::path& path) {
-  const int orientation = ReadOrientation(path);
+  const int orientation = ReadOrientation({.frame = {}, .path = path});
   if (orientation < 1 || orientation > 8) throw std::logic_error("an orientation that is none");
   static_cast<void>(ReadGray(path));
 }
@@ -357,9 +357,9 @@ void ReadCacheEntry(const fs::path& path) {
   static_cast<void>(cache.Load(path.filename().string()));
   const std::string content = TextOf(path);
   static_cast<void>(internal::UnpackMicroLenses(content));
-  static_cast<void>(internal::UnpackDetections(content));
-  static_cast<void>(internal::UnpackPictures(content));
-  static_cast<void>(internal::UnpackSample("frame", content));
+  static_cast<void>(UnpackEntry<internal::RawDetections>(content));
+  static_cast<void>(UnpackEntry<internal::Pictures>(content));
+  static_cast<void>(UnpackEntry<SampleView>(content));
 }
 
 // What stands before the system's loader, which would run the file's code.

@@ -14,6 +14,7 @@
 #include "apps/simulate/spec/random.h"
 #include "calib/base/format_error.h"
 #include "targets/tags/quad.h"
+#include "targets/target.h"
 
 namespace plenocal::simulate {
 namespace {

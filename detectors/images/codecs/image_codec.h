@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "detectors/images/bytes.h"
+#include "detectors/images/codecs/bytes.h"
 
 namespace plenocal {
 

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "calib/base/error.h"
+#include "calib/base/format_error.h"
 #include "detectors/images/codecs/image_codec.h"
 
 namespace plenocal::internal {
@@ -57,7 +57,7 @@ constexpr std::array kEncodings{Encoding{"mono8", CV_8UC1, kAsIs},
                                 Encoding{"yuyv", CV_8UC2, cv::COLOR_YUV2BGR_YUY2}};
 
 [[noreturn]] void RefusePixels(const fs::path& place, const std::string& reason) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", place.string(), reason));
+  throw InputError("{}: {}", place.string(), reason);
 }
 
 const Encoding& EncodingOf(const StoredImage& stored, const fs::path& place) {

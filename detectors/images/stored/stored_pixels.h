@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Pixels in the encodings of ROS's image messages as images.
 #pragma once
 
 #include <filesystem>

@@ -150,27 +150,27 @@ void WindowMeans(std::span<const PatchBlock> blocks,
 }
 
 PLENOCAL_FOR_EACH_PROCESSOR
-void AddEquations(const DepthPixels& pixels, const OtherPatch& patch, const DepthEquations& sums) {
+void AddEquations(const OtherPatch& patch, TexturedPixels* pixels) {
   const OtherPatch other =
       patch;  // copies, so that the compiler sees that the sums do not change them
-  const int pixel_count = pixels.count;
+  const int pixel_count = static_cast<int>(pixels->x.size());
   // Cauchy's weight over the variance, 1 / (variance + e^2 / width^2): one division gives both.
   constexpr float kInverseScale = 1 / kCauchyWidthSquared<float>;
   const float inverse_length =
       1 / (other.baseline_x * other.baseline_x + other.baseline_y * other.baseline_y);
-  const float* __restrict x = pixels.x;
-  const float* __restrict y = pixels.y;
-  const float* __restrict z = pixels.z;
-  const float* __restrict values = pixels.value;
-  const float* __restrict gradient_x = pixels.gradient_x;
-  const float* __restrict gradient_y = pixels.gradient_y;
-  const float* __restrict laplacians = pixels.laplacian;
-  const float* __restrict variances = pixels.variance;
+  const float* __restrict x = pixels->x.data();
+  const float* __restrict y = pixels->y.data();
+  const float* __restrict z = pixels->z.data();
+  const float* __restrict values = pixels->value.data();
+  const float* __restrict gradient_x = pixels->gradient_x.data();
+  const float* __restrict gradient_y = pixels->gradient_y.data();
+  const float* __restrict laplacians = pixels->laplacian.data();
+  const float* __restrict variances = pixels->variance.data();
   const float* __restrict others = other.value;
-  float* __restrict gradient = sums.gradient;
-  float* __restrict information = sums.information;
-  float* __restrict agreement = sums.agreement;
-  float* __restrict count = sums.count;
+  float* __restrict gradient = pixels->sum_gradient.data();
+  float* __restrict information = pixels->sum_information.data();
+  float* __restrict agreement = pixels->sum_agreement.data();
+  float* __restrict count = pixels->sum_count.data();
   const int size = other.size, last = size - 2;
 #ifndef __clang__
 #pragma GCC ivdep  // the sums are arrays of their own

@@ -6,8 +6,9 @@
 
 #include <cstddef>
 #include <span>
+#include <vector>
 
-#include "detectors/plenoptic/depth/depth_survey.h"
+#include "detectors/plenoptic/depth/depth_properties.h"
 #include "detectors/plenoptic/depth/lens_patches.h"
 
 namespace plenocal::internal {
@@ -66,18 +67,23 @@ void WindowMeans(std::span<const PatchBlock> blocks,
                  float least,
                  float* mean);
 
-/// Pixels of one micro image, each with an inverse virtual depth of its own. Arrays of `count`
-/// floats.
-struct DepthPixels {
-  int count = 0;
-  const float* x = nullptr;  ///< position in the patch, px
-  const float* y = nullptr;
-  const float* z = nullptr;      ///< inverse virtual depth
-  const float* value = nullptr;  ///< grey value
-  const float* gradient_x = nullptr;
-  const float* gradient_y = nullptr;
-  const float* laplacian = nullptr;
-  const float* variance = nullptr;  ///< noise of the grey value
+/// Pixels of one micro image that have texture, as arrays, each with an inverse virtual depth of
+/// its own.
+struct TexturedPixels {
+  std::vector<float> x, y;  ///< position in the patch, px
+  std::vector<float> z;     ///< inverse virtual depth
+  std::vector<float> value, gradient_x, gradient_y, laplacian;
+  std::vector<float> variance;  ///< noise of the grey value
+  std::vector<int> at;          ///< in the patch
+  /// Normal equations of the Gauss-Newton step in z: sums of w J e and of w J^2; the step is
+  /// -gradient / information.
+  std::vector<float> sum_gradient, sum_information;
+  std::vector<float> sum_agreement;  ///< of the robust weights, each in [0, 1]
+  std::vector<float> sum_count;      ///< number of comparisons
+
+  void ResetSums();
+  /// Keeps those whose flag is set.
+  void Keep(const std::vector<char>& keep);
 };
 
 /// The micro image that pixels are compared with: pixel (x, y) is expected at (x, y) + offset - z *
@@ -92,19 +98,12 @@ struct OtherPatch {
   float misfit = 0;  ///< px^2: variance of a match that neither noise nor defocus explains
 };
 
-/// Normal equations of the Gauss-Newton step in z and measures of agreement, one entry per pixel.
-struct DepthEquations {
-  float* gradient = nullptr;     ///< sum of w J e: the step is -gradient / information
-  float* information = nullptr;  ///< sum of w J^2
-  float* agreement = nullptr;    ///< sum of the robust weights, each in [0, 1]
-  float* count = nullptr;        ///< number of comparisons
-};
-
-/// Adds the comparison with one micro image. A blur of variance s^2 changes an image by s^2 / 2
-/// times its Laplacian to first order; this is subtracted from the difference e, for defocus and
-/// for the blur of linear interpolation. With J = de/dz the variance of e is 2 * variance + misfit
+/// Adds the comparison with one micro image to the sums of the pixels. A blur of variance s^2
+/// changes an image by s^2 / 2 times its Laplacian to first order; this is subtracted from the
+/// difference e, for defocus and for the blur of linear interpolation. With J = de/dz the variance
+/// of e is 2 * variance + misfit
 /// * |gradient along the baseline|^2; Cauchy weights.
-void AddEquations(const DepthPixels& pixels, const OtherPatch& other, const DepthEquations& sums);
+void AddEquations(const OtherPatch& other, TexturedPixels* pixels);
 
 /// Sums over the depths in a window that agree with the middle one.
 struct WindowSums {

@@ -7,7 +7,6 @@
 #include <numbers>
 #include <optional>
 
-#include "detectors/plenoptic/depth/pixel_depth.h"
 #include "detectors/templates/lanes.h"
 
 namespace plenocal::internal {
@@ -73,23 +72,10 @@ std::optional<float> ClearMinimum(const std::vector<float>& mean) {
 
 }  // namespace
 
-DepthPixels TexturedPixels::View() const {
-  return {static_cast<int>(x.size()),
-          x.data(),
-          y.data(),
-          z.data(),
-          value.data(),
-          gradient_x.data(),
-          gradient_y.data(),
-          laplacian.data(),
-          variance.data()};
-}
-
-DepthEquations TexturedPixels::ResetSums() {
+void TexturedPixels::ResetSums() {
   for (auto* v : {&sum_gradient, &sum_information, &sum_agreement, &sum_count}) {
     v->assign(x.size(), 0.f);
   }
-  return {sum_gradient.data(), sum_information.data(), sum_agreement.data(), sum_count.data()};
 }
 
 void TexturedPixels::Keep(const std::vector<char>& keep) {
@@ -289,11 +275,10 @@ void DepthMatcher::Refine(size_t lens, const DepthSurvey& survey, MatchScratch* 
   const float step = Step();
   const std::vector<float> start = p.z;
   const auto iterate = [&](std::span<const LatticeStep> steps) {
-    const DepthEquations sums = p.ResetSums();
+    p.ResetSums();
     for (const LatticeStep& to : steps) {
       const int other = index_.Neighbour(static_cast<int>(lens), to);
-      if (other < 0) continue;
-      AddEquations(p.View(), Partner(lens, other, survey), sums);
+      if (other >= 0) AddEquations(Partner(lens, other, survey), &p);
     }
     for (size_t i = 0; i < p.x.size(); ++i) {
       if (!(p.sum_information[i] > 0)) continue;

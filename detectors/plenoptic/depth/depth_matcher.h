@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "detectors/plenoptic/depth/depth_kernels.h"
-#include "detectors/plenoptic/depth/depth_survey.h"
+#include "detectors/plenoptic/depth/depth_properties.h"
 #include "detectors/plenoptic/depth/lens_patches.h"
 #include "detectors/plenoptic/depth/micro_lens_index.h"
 
@@ -17,18 +17,6 @@ namespace plenocal::internal {
 /// A squared gradient below this many times its variance is noise: the chi-square of two degrees of
 /// freedom that noise exceeds in one of 10,000 pixels.
 inline constexpr float kNoGradient = 18.42f;
-
-/// Pixels of one micro image that have texture, as arrays.
-struct TexturedPixels {
-  std::vector<float> x, y, z, value, gradient_x, gradient_y, laplacian, variance;
-  std::vector<int> at;  // in the patch
-  std::vector<float> sum_gradient, sum_information, sum_agreement, sum_count;
-
-  [[nodiscard]] DepthPixels View() const;
-  DepthEquations ResetSums();
-  /// Keeps those whose flag is set.
-  void Keep(const std::vector<char>& keep);
-};
 
 /// Working memory of one thread.
 struct MatchScratch {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Planes of virtual depth of a target's flat parts.
 #pragma once
 
 #include <Eigen/Core>

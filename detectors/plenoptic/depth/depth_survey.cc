@@ -183,7 +183,8 @@ class LensComparison {
     const int type = array.lenses[lens_].type, other_type = array.lenses[other].type;
     const size_t pair = matcher_.TypePair(lens_, other);
     const OtherPatch patch = matcher_.Partner(lens_, other, without_misfit_);
-    AddEquations(p.View(), patch, p.ResetSums());
+    p.ResetSums();
+    AddEquations(patch, &p);
     const float length = std::hypot(patch.baseline_x, patch.baseline_y);
     for (size_t i = 0; i < p.x.size(); ++i) {
       const float slope =

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Interpolation of the unknown pixels of an image.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

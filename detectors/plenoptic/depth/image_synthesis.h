@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Synthesis of the totally focused image.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

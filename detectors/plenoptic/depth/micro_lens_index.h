@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Access to micro lenses by position and by lattice step.
 #pragma once
 
 #include <Eigen/Core>

@@ -15,14 +15,11 @@
 
 #include <vector>
 
-#include "detectors/plenoptic/depth/depth_survey.h"
+#include "detectors/plenoptic/depth/depth_properties.h"
 #include "detectors/plenoptic/depth/lens_patches.h"
 #include "detectors/plenoptic/depth/micro_lens_index.h"
 
 namespace plenocal::internal {
-
-/// An estimate is the mean over this many raw pixels in either direction.
-inline constexpr int kDepthWindow = 5;
 
 /// One estimate: inverse virtual depth of a raw pixel with its variance.
 struct PixelDepth {

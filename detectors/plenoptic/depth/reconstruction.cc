@@ -10,6 +10,8 @@
 #include <string_view>
 
 #include "calib/base/format_error.h"
+#include "detectors/images/image.h"
+#include "detectors/plenoptic/depth/depth_survey.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/white/grid_mismatch.h"
 

@@ -10,6 +10,7 @@
 
 #include "calib/base/parallel.h"
 #include "calib/base/robust.h"
+#include "calib/base/statistics.h"
 #include "detectors/plenoptic/depth/fill_holes.h"
 
 namespace plenocal::internal {
@@ -211,9 +212,7 @@ float MedianOfKnown(const cv::Mat& values, float fallback) {
       if (!std::isnan(values.at<float>(y, x))) known.push_back(values.at<float>(y, x));
     }
   }
-  if (known.empty()) return fallback;
-  std::nth_element(known.begin(), known.begin() + known.size() / 2, known.end());
-  return known[known.size() / 2];
+  return Median(std::move(known), fallback);
 }
 
 /// Ratio of the true variances to those of the single estimates, from the scatter between micro
@@ -227,6 +226,16 @@ float VarianceFactor(const Fused& fused) {
 }
 
 }  // namespace
+
+std::vector<float> KnownInverse(const VirtualDepth& depth) {
+  std::vector<float> known;
+  for (int y = 0; y < depth.inverse.rows; ++y) {
+    for (int x = 0; x < depth.inverse.cols; ++x) {
+      if (depth.known.at<uchar>(y, x) != 0) known.push_back(depth.inverse.at<float>(y, x));
+    }
+  }
+  return known;
+}
 
 VirtualDepth FuseDepth(std::vector<LensDepth> depths,
                        const MicroLensArray& array,

@@ -24,6 +24,9 @@ struct VirtualDepth {
 
 namespace internal {
 
+/// The known inverse depths, row by row.
+std::vector<float> KnownInverse(const VirtualDepth& depth);
+
 /// Projects the estimates of all micro images into the virtual image of `scale` raw px a pixel,
 /// fuses those that agree and fills between them. `radius_px`: of a micro image.
 VirtualDepth FuseDepth(std::vector<LensDepth> depths,

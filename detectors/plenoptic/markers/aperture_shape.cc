@@ -17,4 +17,13 @@ double ApertureShape(double V) {
   return 4.0 / 3 * e * (2 - e);
 }
 
+Eigen::Matrix2d VignettingDisplacement(
+    const LensPatches& patches, size_t lens, float V, int column, int row) {
+  const double shape = ApertureShape(V);
+  const Eigen::Vector2d slope = patches.LogAttenuationGradient(lens, column, row).cast<double>();
+  Eigen::Matrix2d displacement;
+  displacement << std::sqrt(shape) * slope, shape * slope;
+  return displacement;
+}
+
 }  // namespace plenocal::internal

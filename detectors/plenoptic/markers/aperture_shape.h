@@ -18,11 +18,20 @@
 // that k can be distinguished from another depth.
 #pragma once
 
+#include <Eigen/Core>
+
+#include "detectors/plenoptic/depth/lens_patches.h"
+
 namespace plenocal::internal {
 
 /// h(V), the correction for the finite aperture: an even disc of which a straight edge leaves V is
 /// displaced by h k grad ln V, with k that of a bell-shaped aperture of the same width. It is
 /// 4/3 (1 - d^2) with the edge at d radii, to 0.02.
 double ApertureShape(double V);
+
+/// Displacement of a pixel of a micro image by vignetting, px, per px^2 of k_pixel and of k: two
+/// columns. `V`: its attenuation over the highest of the micro image.
+Eigen::Matrix2d VignettingDisplacement(
+    const LensPatches& patches, size_t lens, float V, int column, int row);
 
 }  // namespace plenocal::internal

@@ -4,8 +4,8 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 
-#include "detectors/marker_detectors.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
+#include "detectors/types/marker_detectors.h"
 
 namespace plenocal::internal {
 namespace {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Blur of markers in micro images by depth and lens type.
 #pragma once
 
 #include <span>

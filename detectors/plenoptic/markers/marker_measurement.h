@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Measurements of markers in micro images.
 #pragma once
 
 #include <Eigen/Core>

@@ -107,7 +107,7 @@ class SharedPriors {
       if (!fits[i]) continue;
       const MarkerTemplate& marker = markers_[expected[i].index];
       blurs[GroupOf(expected[i])].push_back(fits[i]->blur);
-      if (!std::holds_alternative<DiscDrawing>(marker.pattern)) continue;
+      if (!std::holds_alternative<DiscTemplate>(marker.pattern)) continue;
       radii.push_back(fits[i]->shape);
       radius_sigma = ShapePrior(marker).sigma;
     }

@@ -70,13 +70,13 @@ struct LensMeasurement {
 };
 
 // One point in one raw image.
-class PatchFit {
+class PointMeasurement {
  public:
-  PatchFit(const ScenePatch& point,
-           const cv::Mat& reference,
-           const Reconstruction& view,
-           const LensPatches& patches,
-           const MicroLensArray& array)
+  PointMeasurement(const ScenePatch& point,
+                   const cv::Mat& reference,
+                   const Reconstruction& view,
+                   const LensPatches& patches,
+                   const MicroLensArray& array)
       : point_(point), reference_(reference), view_(view), patches_(patches), array_(array) {}
 
   // Empty when the point cannot be measured.
@@ -159,12 +159,9 @@ class PatchFit {
       count = 0;
       for (int y = 0; y < patches_.size; ++y) {
         for (int x = 0; x < patches_.size; ++x) {
-          const float value =
-              patches_.Value(lens)[static_cast<size_t>(y) * static_cast<size_t>(patches_.size) +
-                                   static_cast<size_t>(x)];
-          if (!std::isfinite(value) || patches_.Attenuation(lens, x, y) < kLeastLight * brightest) {
-            continue;
-          }
+          const float value = patches_.Value(lens)[y * patches_.size + x];
+          const float attenuation = patches_.Attenuation(lens, x, y);
+          if (!std::isfinite(value) || attenuation < kLeastLight * brightest) continue;
           const Eigen::Vector2d away = to_reference * (origin + Eigen::Vector2d(x, y) - position);
           if (away.cwiseAbs().maxCoeff() > kHalfSide) continue;
           const auto drawn = SampleAt(
@@ -175,7 +172,9 @@ class PatchFit {
           const Vector j(-gain * slope.x(), -gain * slope.y(), drawn->value, 1);
           const double residual = value - gain * drawn->value - offset;
           // A displacement of the image is a translation of the template the other way.
-          vignetting -= j * (j.head<2>().transpose() * DisplacementAt(lens, brightest, x, y));
+          vignetting -=
+              j * (j.head<2>().transpose() *
+                   internal::VignettingDisplacement(patches_, lens, attenuation / brightest, x, y));
           depth += j * j.head<2>().dot(origin + Eigen::Vector2d(x, y) - position);
           H += j * j.transpose();
           g += residual * j;
@@ -217,16 +216,6 @@ class PatchFit {
                            .inverse_depth = z,
                            .vignetting_sensitivity = inverse.topRows<2>() * vignetting,
                            .depth_sensitivity = inverse.topRows<2>() * depth};
-  }
-
-  // Of a raw pixel by vignetting, px per px^2 of k_pixel and of k (aperture_shape.h).
-  [[nodiscard]] Eigen::Matrix2d DisplacementAt(size_t lens, float brightest, int x, int y) const {
-    const float light = patches_.Attenuation(lens, x, y) / brightest;
-    const double shape = internal::ApertureShape(light);
-    const Eigen::Vector2d slope = patches_.LogAttenuationGradient(lens, x, y).cast<double>();
-    Eigen::Matrix2d displacement;
-    displacement << std::sqrt(shape) * slope, shape * slope;
-    return displacement;
   }
 
   // Leaves the measurements that lie on one line x = u_0 + s c; its 1 / v = 1 - s. Nothing when
@@ -286,8 +275,8 @@ internal::RawMeasurements MeasurePatches(const std::vector<ScenePatch>& points,
   }
   std::vector<std::vector<LensMeasurement>> found(points.size());
   ParallelFor(points.size(), threads, [&](size_t i) {
-    found[i] =
-        PatchFit(points[i], references.at(points[i].reference), view, patches, array).Measure();
+    found[i] = PointMeasurement(points[i], references.at(points[i].reference), view, patches, array)
+                   .Measure();
   });
   internal::RawMeasurements measurements;
   for (size_t i = 0; i < points.size(); ++i) {

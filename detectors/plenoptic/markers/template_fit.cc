@@ -25,9 +25,9 @@ using Matrix = Eigen::Matrix<double, kCount, kCount>;
 
 /// The pattern of a tag or of a corner.
 struct CellPattern {
-  using Drawn = CellDrawing::Drawn;
+  using Drawn = CellTemplate::Drawn;
 
-  CellDrawing drawing;
+  CellTemplate drawing;
   int margin;  ///< as of `MarkerTemplate`
 
   static constexpr double kLeastShape = -2, kMostShape = 2;  ///< brightness beyond the tag
@@ -71,9 +71,9 @@ struct CellPattern {
 
 /// A disc.
 struct DiscPattern {
-  using Drawn = DiscDrawing::Drawn;
+  using Drawn = DiscTemplate::Drawn;
 
-  DiscDrawing drawing;
+  DiscTemplate drawing;
 
   static constexpr double kLeastShape = 0.2, kMostShape = 1.9;  ///< radius over the nominal one
   static constexpr double kWindow = 2;  ///< nominal radii: half-way to the next disc
@@ -98,8 +98,8 @@ struct DiscPattern {
   }
 };
 
-CellPattern PatternOf(const CellDrawing& drawing, int margin) { return {drawing, margin}; }
-DiscPattern PatternOf(const DiscDrawing& drawing, int) { return {drawing}; }
+CellPattern PatternOf(const CellTemplate& drawing, int margin) { return {drawing, margin}; }
+DiscPattern PatternOf(const DiscTemplate& drawing, int) { return {drawing}; }
 
 /// A pixel of a fit.
 struct SeenPixel {
@@ -132,9 +132,7 @@ class Displacements {
           values_.resize(before);
           return false;
         }
-        const double shape = ApertureShape(V);
-        const Eigen::Vector2d slope = patches_.LogAttenuationGradient(lens_, x, y).cast<double>();
-        values_.emplace_back() << std::sqrt(shape) * slope, shape * slope;
+        values_.push_back(VignettingDisplacement(patches_, lens_, V, x, y));
       }
     }
     return true;
@@ -371,7 +369,7 @@ std::optional<TemplateFit> Fit<Pattern>::Solve(const SensorNoise& noise) {
 Prior ShapePrior(const MarkerTemplate& marker) {
   constexpr Prior kSurround{0, 1};  // grey: between black, -1, and white, 1
   constexpr Prior kRadius{1, 0.5};  // over the nominal radius
-  return std::holds_alternative<CellDrawing>(marker.pattern) ? kSurround : kRadius;
+  return std::holds_alternative<CellTemplate>(marker.pattern) ? kSurround : kRadius;
 }
 
 std::optional<TemplateFit> FitTemplate(const MarkerTemplate& marker,

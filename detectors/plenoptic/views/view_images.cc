@@ -45,13 +45,7 @@ std::vector<RefocusPlane> ChoosePlanes(const ViewsRequest& request,
     ReconstructionOptions options;
     options.threads = request.threads;
     const Reconstruction view = Reconstruct(raw.clone(), camera, options);
-    std::vector<float> inverse;
-    for (int y = 0; y < view.depth.inverse.rows; ++y) {
-      for (int x = 0; x < view.depth.inverse.cols; ++x) {
-        if (view.depth.known.at<uchar>(y, x) == 0) continue;
-        inverse.push_back(view.depth.inverse.at<float>(y, x));
-      }
-    }
+    std::vector<float> inverse = internal::KnownInverse(view.depth);
     std::ranges::sort(inverse);
     for (const size_t tenth : {9, 5, 1}) {
       planes.push_back({1 / inverse.at(tenth * (inverse.size() - 1) / 10)});

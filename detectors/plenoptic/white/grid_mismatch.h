@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Check of a raw image against the grid of micro lenses.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A picture of the grid of micro lenses.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Search for the lattice vectors of micro images.
 #pragma once
 
 #include <Eigen/Core>

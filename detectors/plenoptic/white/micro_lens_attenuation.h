@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Attenuation of a plenoptic camera from its white images.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Search for the micro lenses in a white image.
 #pragma once
 
 #include <vector>

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "targets/target.h"
 #include "tests/apps/workspace.h"
 

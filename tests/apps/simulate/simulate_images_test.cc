@@ -21,7 +21,7 @@ constexpr double kSpacing = 0.02;  // m
 // 3 x 3 discs of 10 mm, each 20 mm from the next.
 Target Discs() {
   Target target;
-  target.layout = CirclesLayout{.columns = 3, .rows = 3, .spacing = kSpacing};
+  target.layout = CirclesLayout{{}, 3, 3, kSpacing};
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
       target.markers[3 * row + column] = {kSpacing * column, kSpacing * row, 0};

@@ -6,7 +6,7 @@
 
 #include "calib/base/error.h"
 #include "detectors/images/image.h"
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
 
@@ -16,7 +16,7 @@ namespace TEST_FILE {
 constexpr double kMarker = 0.75;  // of a square
 
 CharucoLayout Layout(int columns, int rows) {
-  return {columns, rows, 0.04, 0.04 * kMarker, "DICT_4X4_100", std::nullopt};
+  return {{}, columns, rows, 0.04, 0.04 * kMarker, "DICT_4X4_100", std::nullopt};
 }
 
 Target Charuco(int columns, int rows) {
@@ -97,8 +97,8 @@ TEST(CharucoDetector, BoardsWithTheSameMarkersAreToldApart) {
   const Eigen::Matrix3d H = TiltedView(44, 0.1, 40, 30);
   const cv::Mat image = Render(View(both, H), {640, 400}, {.blur = 0.7, .noise = 4});
   const Eigen::Matrix3d H_right = H * Eigen::Affine2d(Eigen::Translation2d(8, 0)).matrix();
-  const auto expect = [&](const Target& target, const Rivals& rivals, const Places& truth) {
-    const MarkerDetections found = MakeMarkerDetector(target, rivals)->Detect(image);
+  const auto expect = [&](const Target& target, const OtherTargets& others, const Places& truth) {
+    const MarkerDetections found = MakeMarkerDetector(target, others)->Detect(image);
     EXPECT_EQ(found.markers.size(), 24) << found.failure;
     Statistics statistics;
     statistics.Add(found, truth);
@@ -179,7 +179,7 @@ TEST(CharucoDetector, RefusesDictionariesThatDoNotServe) {
   Target target = Charuco(7, 5);
   std::get<CharucoLayout>(target.layout).dictionary = "DICT_4x4_100";
   EXPECT_THROW(MakeMarkerDetector(target), Error);
-  target.layout = CharucoLayout{20, 10, 0.04, 0.03, "DICT_4X4_50", {}};
+  target.layout = CharucoLayout{{}, 20, 10, 0.04, 0.03, "DICT_4X4_50", {}};
   EXPECT_THROW(MakeMarkerDetector(target), Error);
 }
 
@@ -210,7 +210,7 @@ TEST_P(CharucoRealSet, GivesAtLeastOpenCvsCorners) {
     reference[image][std::stoi(id)] = {std::stod(x) - 0.5, std::stod(y) - 0.5};
   }
   Target target;
-  target.layout = CharucoLayout{8, 8, 0.0254, 0.01905, "DICT_4X4_1000", {}};
+  target.layout = CharucoLayout{{}, 8, 8, 0.0254, 0.01905, "DICT_4X4_1000", {}};
   const auto detector = MakeMarkerDetector(target);
   std::size_t corners = 0;
   int compared = 0, near = 0;

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "detectors/images/image.h"
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
 
@@ -14,7 +14,7 @@ namespace TEST_FILE {
 
 Target Chessboard(int columns, int rows) {
   Target target;
-  target.layout = ChessboardLayout{columns, rows, 0.03};
+  target.layout = ChessboardLayout{{}, columns, rows, 0.03};
   return target;
 }
 

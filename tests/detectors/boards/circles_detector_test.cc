@@ -3,7 +3,7 @@
 #include <opencv2/core/persistence.hpp>
 
 #include "detectors/images/image.h"
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
 
@@ -12,7 +12,7 @@ namespace TEST_FILE {
 
 Target Circles(int columns, int rows, bool asymmetric) {
   Target target;
-  target.layout = CirclesLayout{columns, rows, 0.03, asymmetric};
+  target.layout = CirclesLayout{{}, columns, rows, 0.03, asymmetric};
   return target;
 }
 
@@ -100,8 +100,8 @@ TEST(CirclesDetector, MeasuresTheImagesOfCentresThroughADistortingLens) {
 }
 
 TEST(CirclesDetector, APartOfALargerTargetIsNoTarget) {
-  const Rivals rivals{.targets = {Circles(9, 6, false)}};
-  const auto detector = MakeMarkerDetector(Circles(7, 5, false), rivals);
+  const OtherTargets others{.targets = {Circles(9, 6, false)}};
+  const auto detector = MakeMarkerDetector(Circles(7, 5, false), others);
   const GrayFunction board = Board(9, 6, false);
   // The whole larger grid, and all of it but one row and two columns, which are outside.
   const Eigen::Matrix3d whole = TiltedView(30, 0.1, 60, 50), cut = TiltedView(30, 0, 13, 50);

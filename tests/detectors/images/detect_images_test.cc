@@ -8,7 +8,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "detectors/marker_detectors.h"
+#include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
 
 namespace plenocal::testing {
@@ -28,7 +28,7 @@ class DetectOrdinary : public ::testing::Test {
                ::testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    target_.layout = ChessboardLayout{kColumns, kRows, 0.03};
+    target_.layout = ChessboardLayout{{}, kColumns, kRows, 0.03};
   }
   void TearDown() override { fs::remove_all(folder_); }
 

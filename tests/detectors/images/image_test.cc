@@ -182,8 +182,8 @@ TEST_F(ReadGrayTest, KeepsTheRecordedOrientation) {
   std::string jpeg = Encoded(".jpg", image_);
   jpeg.insert(2, exif);
   EXPECT_EQ(ReadGray(Write("a.jpg", jpeg)).size(), image_.size());
-  EXPECT_EQ(ReadOrientation(Write("a.jpg", jpeg)), 6);
-  EXPECT_EQ(ReadOrientation(Write("a.png", Encoded(".png", image_))), 1);
+  EXPECT_EQ(ReadOrientation({.frame = {}, .path = Write("a.jpg", jpeg)}), 6);
+  EXPECT_EQ(ReadOrientation({.frame = {}, .path = Write("a.png", Encoded(".png", image_))}), 1);
 }
 
 // Nothing is packed more than an image of one grey value.

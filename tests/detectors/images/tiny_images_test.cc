@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
+#include "detectors/apriltag/apriltag_library.h"
 #include "detectors/boards/propose_target.h"
-#include "detectors/marker_detectors.h"
 #include "detectors/plenoptic/white/lattice_period.h"
-#include "detectors/quads/apriltag_library.h"
+#include "detectors/types/marker_detectors.h"
 #include "targets/tags/tag_family.h"
 
 namespace plenocal {

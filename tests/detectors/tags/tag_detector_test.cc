@@ -30,8 +30,8 @@
 
 #include "calib/base/error.h"
 #include "detectors/detect.h"
-#include "detectors/marker_detectors.h"
 #include "detectors/templates/marker_template.h"
+#include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render.h"
 #include "tests/optional_data.h"
 
@@ -427,12 +427,12 @@ TEST(TagDetector, GoesByTheSquaresThatTheImageShows) {
       }
       const auto templates = internal::MakeMarkerTemplates(other, found, gray);
       ASSERT_THAT(templates, SizeIs(36));
-      auto drawing = std::get<internal::CellDrawing>(templates[0].pattern);
+      auto drawing = std::get<internal::CellTemplate>(templates[0].pattern);
       // Half a cell outside of the lower left corner, in both directions.
       internal::Lanes x{}, y{};
       x[0] = static_cast<float>(templates[0].margin) - 0.5f;
       y[0] = static_cast<float>(drawing.size() - templates[0].margin) + 0.5f;
-      internal::CellDrawing::Drawn drawn;
+      internal::CellTemplate::Drawn drawn;
       drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, x, y, &drawn);
       EXPECT_NEAR(drawn.value[0], printed ? -1 : 1, 0.01) << side;
     }

@@ -45,11 +45,11 @@ Eigen::Vector2d Cells(const MarkerTemplate& marker, const Eigen::Vector2d& on_ta
 
 /// Value of a template without blur at a point of its cells, -1 black to 1 white.
 float Value(const MarkerTemplate& marker, const Eigen::Vector2d& cells) {
-  CellDrawing drawing = std::get<CellDrawing>(marker.pattern);
+  CellTemplate drawing = std::get<CellTemplate>(marker.pattern);
   Lanes x{}, y{};
   x[0] = static_cast<float>(cells.x());
   y[0] = static_cast<float>(cells.y());
-  CellDrawing::Drawn drawn;
+  CellTemplate::Drawn drawn;
   drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, x, y, &drawn);
   return drawn.value[0];
 }
@@ -99,7 +99,7 @@ TEST(MakeMarkerTemplates, TakeOnlyWholeTags) {
     EXPECT_GT(marker.margin, 0);
     // The tag's corners are `margin` cells inside of its pattern.
     const Eigen::Vector2d cells = Cells(marker, target.markers.at(marker.marker).head<2>());
-    const int size = std::get<CellDrawing>(marker.pattern).size();
+    const int size = std::get<CellTemplate>(marker.pattern).size();
     for (const double place : cells) {
       EXPECT_LT(std::min(std::abs(place - marker.margin), std::abs(size - marker.margin - place)),
                 1e-6);
@@ -114,7 +114,7 @@ TEST(MakeMarkerTemplates, HaveTheRadiusOfCirclesAsUnit) {
   ASSERT_EQ(templates.size(), 20u);
   double unit = 0;
   for (const MarkerTemplate& marker : templates) {
-    EXPECT_TRUE(std::holds_alternative<DiscDrawing>(marker.pattern));
+    EXPECT_TRUE(std::holds_alternative<DiscTemplate>(marker.pattern));
     const Eigen::Vector2d middle = target.markers.at(marker.marker).head<2>();
     EXPECT_LT(Cells(marker, middle).norm(), 1e-9);
     const double radii = Cells(marker, middle + Eigen::Vector2d(0.03, 0)).norm();

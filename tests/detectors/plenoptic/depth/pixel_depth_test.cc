@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/statistics.h"
+#include "detectors/plenoptic/depth/depth_survey.h"
 #include "tests/detectors/plenoptic/depth/wave_scene.h"
 
 namespace plenocal::internal {

@@ -67,7 +67,7 @@ class Chessboard {
         MarkerTemplate marker{.marker = row * kCells + column,
                               .position = cell_ * Eigen::Vector2d(column, row),
                               .cells_by_image = cells_by_image,
-                              .pattern = CellDrawing(cells, kCells),
+                              .pattern = CellTemplate(cells, kCells),
                               .margin = margin};
         markers.push_back(marker);
       }

@@ -65,7 +65,7 @@ class DiscImage {
     expected.cell_px = kNominal;
     expected.cells_by_raw = Eigen::Matrix3f::Identity() / static_cast<float>(kNominal);
     expected.cells_by_raw(2, 2) = 1;
-    const MarkerTemplate marker{.cells_by_image = {}, .pattern = DiscDrawing(1)};
+    const MarkerTemplate marker{.cells_by_image = {}, .pattern = DiscTemplate(1)};
     const FitPriors priors{{0.5, 0.3}, ShapePrior(marker), 1};
     return FitTemplate(marker, expected, patches, {static_cast<float>(kNoise * kNoise), 0}, priors);
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/templates/disc_drawing.h"
+#include "detectors/templates/disc_template.h"
 
 #include <gtest/gtest.h>
 
@@ -32,16 +32,16 @@ double Blurred(const Eigen::Matrix3f& G, double radius, double blur, double x, d
   return sum / weights;
 }
 
-DiscDrawing::Drawn Draw(
-    const DiscDrawing& drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
-  DiscDrawing::Drawn drawn;
+DiscTemplate::Drawn Draw(
+    const DiscTemplate& drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
+  DiscTemplate::Drawn drawn;
   drawing.Draw(G, blur, Lanes{} + x, Lanes{} + y, &drawn);
   return drawn;
 }
 
-TEST(DiscDrawing, IsTheBlurredDisc) {
+TEST(DiscTemplate, IsTheBlurredDisc) {
   const float radius = 1.1f, blur = 0.7f;
-  const DiscDrawing drawing(radius);
+  const DiscTemplate drawing(radius);
   for (float x = -8; x <= 8; x += 1.3f) {
     for (float y = -7; y <= 7; y += 1.9f) {
       EXPECT_NEAR(Draw(drawing, Homography(), blur, x, y).value[0],
@@ -52,15 +52,15 @@ TEST(DiscDrawing, IsTheBlurredDisc) {
   }
 }
 
-TEST(DiscDrawing, DerivativesAreThoseOfTheValue) {
+TEST(DiscTemplate, DerivativesAreThoseOfTheValue) {
   const float blur = 0.7f, h = 0.01f;
   const Eigen::Matrix3f G = Homography();
   const auto value = [&](float radius, float b, float u, float v) {
     Eigen::Matrix3f moved = Eigen::Matrix3f::Identity();
     moved(0, 2) = u, moved(1, 2) = v;
-    return Draw(DiscDrawing(radius), moved * G / (moved * G)(2, 2), b, 3.1f, 2.2f).value[0];
+    return Draw(DiscTemplate(radius), moved * G / (moved * G)(2, 2), b, 3.1f, 2.2f).value[0];
   };
-  const auto drawn = Draw(DiscDrawing(1.1f), G, blur, 3.1f, 2.2f);
+  const auto drawn = Draw(DiscTemplate(1.1f), G, blur, 3.1f, 2.2f);
   ASSERT_LT(std::abs(drawn.value[0]), 0.9f);
   // Steepness and curvature of the edge are taken as constant: their part is below a tenth.
   const double close = 0.1;

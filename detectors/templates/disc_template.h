@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Rendering of a blurred disc with its derivatives.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,9 +13,9 @@ namespace plenocal::internal {
 /// by a Gaussian: across the edge the profile of a straight edge. A blur s moves the edge of a disc
 /// of radius R inward by s^2 / (2 R), for the heat equation moves level lines by their curvature;
 /// that is part of the drawing.
-class DiscDrawing {
+class DiscTemplate {
  public:
-  explicit DiscDrawing(float radius) : radius_(radius) {}
+  explicit DiscTemplate(float radius) : radius_(radius) {}
   void SetRadius(float radius) { radius_ = radius; }
 
   /// Of eight places at once.

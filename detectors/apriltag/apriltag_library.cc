@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/quads/apriltag_library.h"
+#include "detectors/apriltag/apriltag_library.h"
 
 #include <algorithm>
 #include <cstdint>
 
-#include "detectors/quads/least_contrast.h"
+#include "detectors/apriltag/least_contrast.h"
 
 namespace plenocal::internal {
 

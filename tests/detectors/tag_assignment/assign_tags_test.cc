@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Tags of several boards that share numbers, in synthetic images with noise and distortion.
-#include "detectors/quads/sort_quads.h"
+#include "detectors/tag_assignment/assign_tags.h"
 
 #include <gtest/gtest.h>
 
@@ -15,8 +15,8 @@ namespace plenocal::internal {
 namespace TEST_FILE {
 
 // Rows of tags upwards; sides of 1.
-QuadTarget Grid(int columns, int rows, double spacing = 0.3, int first_id = 0) {
-  QuadTarget grid;
+TagPositions Grid(int columns, int rows, double spacing = 0.3, int first_id = 0) {
+  TagPositions grid;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       const double x = column * (1 + spacing), y = row * (1 + spacing);
@@ -41,12 +41,12 @@ class Image {
   explicit Image(unsigned seed) : random_(seed) {}
 
   // `outline`: px by which each tag is read too large.
-  void Add(const QuadTarget& board,
+  void Add(const TagPositions& board,
            const Eigen::Isometry3d& pose,
            std::optional<std::size_t> target,
            double outline = 0) {
     for (const auto& [id, points] : board) {
-      ReadQuad& quad = read.emplace_back();
+      ReadTag& quad = read.emplace_back();
       quad.id = id;
       for (std::size_t k = 0; k < 4; ++k) quad.corners[k] = Project(pose * points[k]);
       const Eigen::Vector2d centre = Centre(quad.corners);
@@ -59,7 +59,7 @@ class Image {
 
   // Keeps the tags with these indices.
   void Keep(const std::vector<std::size_t>& kept) {
-    std::vector<ReadQuad> some;
+    std::vector<ReadTag> some;
     std::vector<std::optional<std::size_t>> of_some;
     for (const std::size_t i : kept) {
       some.push_back(read[i]);
@@ -69,7 +69,7 @@ class Image {
     truth = of_some;
   }
 
-  std::vector<ReadQuad> read;
+  std::vector<ReadTag> read;
   std::vector<std::optional<std::size_t>> truth;
 
  private:
@@ -91,9 +91,9 @@ struct Count {
   int right = 0, wrong = 0, several = 0, none = 0;
 };
 
-Count Sort(const Image& image, const std::vector<QuadTarget>& targets) {
+Count Sort(const Image& image, const std::vector<TagPositions>& targets) {
   Count count;
-  const std::vector<QuadOwner> owners = SortQuads(image.read, targets);
+  const std::vector<TagOwner> owners = AssignTags(image.read, targets);
   EXPECT_EQ(owners.size(), image.read.size());
   for (std::size_t i = 0; i < owners.size(); ++i) {
     if (owners[i].target) {
@@ -108,8 +108,8 @@ Count Sort(const Image& image, const std::vector<QuadTarget>& targets) {
 const Eigen::Isometry3d kLeft = Pose(-10, -4, 0.3, 0.2), kRight = Pose(1, -4, -0.2, -0.5);
 constexpr unsigned kSeeds = 20;
 
-TEST(SortQuads, GridsOfOtherCountsAreToldApart) {
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(5, 7)};
+TEST(AssignTags, GridsOfOtherCountsAreToldApart) {
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(5, 7)};
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     Image image(seed);
     image.Add(targets[0], kLeft, 0);
@@ -120,8 +120,8 @@ TEST(SortQuads, GridsOfOtherCountsAreToldApart) {
   }
 }
 
-TEST(SortQuads, OneBoardInViewIsNotTheOther) {
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(5, 7)};
+TEST(AssignTags, OneBoardInViewIsNotTheOther) {
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(5, 7)};
   for (std::size_t k = 0; k < 2; ++k) {
     Image image(1);
     image.Add(targets[k], kRight, k);
@@ -129,8 +129,8 @@ TEST(SortQuads, OneBoardInViewIsNotTheOther) {
   }
 }
 
-TEST(SortQuads, AnotherSpacingIsEnough) {
-  const std::vector<QuadTarget> targets{Grid(6, 6, 0.3), Grid(6, 6, 0.2)};
+TEST(AssignTags, AnotherSpacingIsEnough) {
+  const std::vector<TagPositions> targets{Grid(6, 6, 0.3), Grid(6, 6, 0.2)};
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     Image image(seed);
     image.Add(targets[1], kLeft, 1);
@@ -141,8 +141,8 @@ TEST(SortQuads, AnotherSpacingIsEnough) {
   }
 }
 
-TEST(SortQuads, MissingTagsAndFalseOnesDoNotMatter) {
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(5, 7)};
+TEST(AssignTags, MissingTagsAndFalseOnesDoNotMatter) {
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(5, 7)};
   std::mt19937 random(1);
   int right = 0, shown = 0;
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
@@ -169,8 +169,8 @@ TEST(SortQuads, MissingTagsAndFalseOnesDoNotMatter) {
   EXPECT_GT(right, 0.97 * shown);
 }
 
-TEST(SortQuads, WhatFitsBothIsLeftOut) {
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(5, 7)};
+TEST(AssignTags, WhatFitsBothIsLeftOut) {
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(5, 7)};
   Image image(1);
   image.Add(targets[0], kLeft, 0);
   image.Keep({0, 1, 2, 3, 4});  // five tags of the first row are the same on both
@@ -192,9 +192,9 @@ TEST(SortQuads, WhatFitsBothIsLeftOut) {
   EXPECT_EQ(Sort(single, targets).right, 1);
 }
 
-TEST(SortQuads, ATargetIsInTheImageOnce) {
+TEST(AssignTags, ATargetIsInTheImageOnce) {
   // The second begins with the fourth row of the first.
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(6, 6, 0.3, 18)};
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(6, 6, 0.3, 18)};
   std::vector<std::size_t> common;
   for (std::size_t i = 0; i < 18; ++i) common.push_back(i);
   Image alone(1);
@@ -209,12 +209,12 @@ TEST(SortQuads, ATargetIsInTheImageOnce) {
   EXPECT_EQ(Sort(both, targets).right, 54);
 }
 
-TEST(SortQuads, OutlinesThatAreOffDoNotDecide) {
+TEST(AssignTags, OutlinesThatAreOffDoNotDecide) {
   // Tags that are read too large have less space between them.
   constexpr double kOutline = 0.5;  // px
   int wrong = 0, decided = 0;
   for (const double other : {0.29, 0.28, 0.27, 0.26, 0.25, 0.2, 0.1}) {
-    const std::vector<QuadTarget> targets{Grid(6, 6, 0.3), Grid(6, 6, other)};
+    const std::vector<TagPositions> targets{Grid(6, 6, 0.3), Grid(6, 6, other)};
     for (unsigned seed = 0; seed < kSeeds; ++seed) {
       Image image(seed);
       image.Add(targets[0], kLeft, 0, kOutline);
@@ -227,8 +227,8 @@ TEST(SortQuads, OutlinesThatAreOffDoNotDecide) {
   EXPECT_GT(decided, 0);
 }
 
-TEST(SortQuads, TagsOfAForeignBoardFitNoTarget) {
-  const std::vector<QuadTarget> targets{Grid(6, 6), Grid(5, 7)};
+TEST(AssignTags, TagsOfAForeignBoardFitNoTarget) {
+  const std::vector<TagPositions> targets{Grid(6, 6), Grid(5, 7)};
   Image image(1);
   image.Add(targets[0], kLeft, 0);
   image.Add(targets[1], Pose(1, -8, 0, 0), 1);
@@ -239,7 +239,7 @@ TEST(SortQuads, TagsOfAForeignBoardFitNoTarget) {
   EXPECT_EQ(count.none, 16);
 }
 
-TEST(SortQuads, NothingReadIsNothingSorted) { EXPECT_TRUE(SortQuads({}, {Grid(2, 2)}).empty()); }
+TEST(AssignTags, NothingReadIsNothingSorted) { EXPECT_TRUE(AssignTags({}, {Grid(2, 2)}).empty()); }
 
 }  // namespace TEST_FILE
 }  // namespace plenocal::internal

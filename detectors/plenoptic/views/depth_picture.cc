@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/plenoptic/depth/depth_picture.h"
+#include "detectors/plenoptic/views/depth_picture.h"
 
 #include <fmt/format.h>
 
@@ -19,12 +19,7 @@ constexpr int kBarWidth = 20, kGap = 10, kTextWidth = 70, kNumbers = 6;
 }  // namespace
 
 std::pair<float, float> UsualRange(const VirtualDepth& depth) {
-  std::vector<float> values;
-  for (int y = 0; y < depth.inverse.rows; ++y) {
-    for (int x = 0; x < depth.inverse.cols; ++x) {
-      if (depth.known.at<uchar>(y, x) != 0) values.push_back(depth.inverse.at<float>(y, x));
-    }
-  }
+  std::vector<float> values = KnownInverse(depth);
   if (values.empty()) return {0, 1};
   const auto at = [&](size_t rank) {
     const auto place = values.begin() + static_cast<std::ptrdiff_t>(rank);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/templates/cell_drawing.h"
+#include "detectors/templates/cell_template.h"
 
 #include <gtest/gtest.h>
 
@@ -54,9 +54,9 @@ double Blurred(
   return sum / weights;
 }
 
-CellDrawing::Drawn Draw(
-    CellDrawing* drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
-  CellDrawing::Drawn drawn;
+CellTemplate::Drawn Draw(
+    CellTemplate* drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
+  CellTemplate::Drawn drawn;
   drawing->Draw(G, blur, Lanes{} + x, Lanes{} + y, &drawn);
   return drawn;
 }
@@ -65,7 +65,7 @@ class CellDrawingTest : public ::testing::TestWithParam<float> {};
 
 TEST_P(CellDrawingTest, IsTheBlurredImageOfTheCells) {
   const std::vector<float> cells = Cells();
-  CellDrawing drawing(cells, kCells);
+  CellTemplate drawing(cells, kCells);
   const Eigen::Matrix3f G = Homography(GetParam());
   for (const float blur : {0.5f, 1.1f}) {
     for (float x = -9; x <= 9; x += 2.9f) {
@@ -80,9 +80,9 @@ TEST_P(CellDrawingTest, IsTheBlurredImageOfTheCells) {
 
 INSTANTIATE_TEST_SUITE_P(Shears, CellDrawingTest, ::testing::Values(0.f, 0.25f, 0.7f));
 
-TEST(CellDrawing, DerivativesAreThoseOfTheBlurredImage) {
+TEST(CellTemplate, DerivativesAreThoseOfTheBlurredImage) {
   const std::vector<float> cells = Cells();
-  CellDrawing drawing(cells, kCells);
+  CellTemplate drawing(cells, kCells);
   const Eigen::Matrix3f G = Homography(0.1f);
   const double blur = 0.9, h = 0.05;
   // The same cells moved by (u, v) in their plane.
@@ -109,17 +109,17 @@ TEST(CellDrawing, DerivativesAreThoseOfTheBlurredImage) {
   EXPECT_GE(checked, 4) << "places where anything changes";
 }
 
-TEST(CellDrawing, LiesBetweenGivenLines) {
+TEST(CellTemplate, LiesBetweenGivenLines) {
   // Cells of unequal widths against the same pattern made of equal ones.
   const std::vector<float> two{-1, 1, 1, -1};
-  CellDrawing between(two, std::vector<float>{0, 2, 3});
+  CellTemplate between(two, std::vector<float>{0, 2, 3});
   std::vector<float> equal;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
       equal.push_back(two[(row < 2 ? 0 : 2) + (column < 2 ? 0 : 1)]);
     }
   }
-  CellDrawing cells(equal, 3);
+  CellTemplate cells(equal, 3);
   Eigen::Matrix3f G = Eigen::Matrix3f::Identity();
   for (const float x : {0.4f, 1.7f, 2.2f}) {
     for (const float y : {0.9f, 2.1f, 2.8f}) {
@@ -130,8 +130,8 @@ TEST(CellDrawing, LiesBetweenGivenLines) {
   }
 }
 
-TEST(CellDrawing, ValueBeyondActsByItsShare) {
-  CellDrawing drawing(Cells(), kCells);
+TEST(CellTemplate, ValueBeyondActsByItsShare) {
+  CellTemplate drawing(Cells(), kCells);
   const Eigen::Matrix3f G = Homography(0);
   const auto at = [&](float beyond) {
     drawing.SetBeyond(beyond);

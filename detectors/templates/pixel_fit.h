@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Least-squares fits of a model of the grey values to the pixels of a patch.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -20,9 +22,9 @@ struct Pixel {
 
 /// The result of a fit of a model with N parameters to a patch of pixels.
 template <int N>
-struct PatchFit {
+struct PixelFit {
   Eigen::Matrix<double, N, 1> params;
-  /// Of the parameters, from the residuals (see PatchCovariance).
+  /// Of the parameters, from the residuals (see PixelFitCovariance).
   Eigen::Matrix<double, N, N> covariance;
   /// Root mean square of the residuals, gray levels.
   double rms = 0;
@@ -43,16 +45,16 @@ inline constexpr double kModelError = 0.003;
 /// Sums over a patch at some parameters: H = sum J^T J (its lower triangle), b = sum r J, cost =
 /// sum r^2, with the residuals r and their gradients J.
 template <int N>
-struct PatchSums {
+struct PixelFitSums {
   Eigen::Matrix<double, N, N> H = Eigen::Matrix<double, N, N>::Zero();
   Eigen::Matrix<double, N, 1> b = Eigen::Matrix<double, N, 1>::Zero();
   double cost = 0;
 };
 
 template <int N, typename Model>
-PatchSums<N> SumPatch(const Model& model,
-                      std::span<const Pixel> pixels,
-                      const Eigen::Matrix<double, N, 1>& params) {
+PixelFitSums<N> SumPixels(const Model& model,
+                          std::span<const Pixel> pixels,
+                          const Eigen::Matrix<double, N, 1>& params) {
   // The gradient and the residual, and zeros for AddSquares; of some pixels at a time.
   constexpr int kRows = (N + 1 + 2) / 3 * 3, kLanesPerRow = 8;
   constexpr std::size_t kPixels = kLanesPerRow * kDoubleLanes;
@@ -73,7 +75,7 @@ PatchSums<N> SumPatch(const Model& model,
     }
     AddSquares(block.lanes, kRows, kLanesPerRow, kLanesPerRow, squares.data());
   }
-  PatchSums<N> sums;
+  PixelFitSums<N> sums;
   sums.H = squares.template topLeftCorner<N, N>();
   sums.b = squares.template block<1, N>(N, 0);
   sums.cost = squares(N, N);
@@ -83,9 +85,9 @@ PatchSums<N> SumPatch(const Model& model,
 /// Levenberg-Marquardt. Moves `params` to the minimum and returns the sums there; nothing when the
 /// point (parameters 0 and 1) does not rest.
 template <int N, typename Model>
-std::optional<PatchSums<N>> DescendPatch(const Model& model,
-                                         std::span<const Pixel> pixels,
-                                         Eigen::Matrix<double, N, 1>* params) {
+std::optional<PixelFitSums<N>> DescendPixels(const Model& model,
+                                             std::span<const Pixel> pixels,
+                                             Eigen::Matrix<double, N, 1>* params) {
   using Params = Eigen::Matrix<double, N, 1>;
   constexpr int kMaxSteps = 50;
   constexpr double kRest = 1e-4;       // px, a hundredth of the best corner's sigma
@@ -96,7 +98,7 @@ std::optional<PatchSums<N>> DescendPatch(const Model& model,
   constexpr double kGoodShare = 0.7, kPoorShare = 0.3;
   constexpr double kRelax = 0.1, kDampMore = 3, kDampAgainstAscent = 10;
 
-  PatchSums<N> sums = SumPatch<N>(model, pixels, *params);
+  PixelFitSums<N> sums = SumPixels<N>(model, pixels, *params);
   double damping = kFirstDamping;
   for (int step = 0; step < kMaxSteps; ++step) {
     Eigen::Matrix<double, N, N> damped = sums.H;
@@ -106,7 +108,8 @@ std::optional<PatchSums<N>> DescendPatch(const Model& model,
     if (!delta.allFinite()) return std::nullopt;
     const Params candidate = *params + delta;
     const bool plausible = model.Plausible(candidate);
-    const PatchSums<N> next = plausible ? SumPatch<N>(model, pixels, candidate) : PatchSums<N>{};
+    const PixelFitSums<N> next =
+        plausible ? SumPixels<N>(model, pixels, candidate) : PixelFitSums<N>{};
     const double next_cost = plausible ? next.cost : 2 * sums.cost + 1;
     // The residuals of sharpened images are large, and undamped steps would swing to and fro.
     const double promised =
@@ -132,12 +135,12 @@ std::optional<PatchSums<N>> DescendPatch(const Model& model,
 /// the whole patch would be too small there (MacKinnon and White 1985, "HC2"). Noise that is
 /// correlated from pixel to pixel (demosaicking, JPEG) makes the true scatter larger than this.
 template <int N, typename Model>
-Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
-                                            std::span<const Pixel> pixels,
-                                            const Eigen::Matrix<double, N, 1>& params,
-                                            const Eigen::Matrix<double, N, N>& H) {
+Eigen::Matrix<double, N, N> PixelFitCovariance(const Model& model,
+                                               std::span<const Pixel> pixels,
+                                               const Eigen::Matrix<double, N, 1>& params,
+                                               const Eigen::Matrix<double, N, N>& H) {
   using Square = Eigen::Matrix<double, N, N>;
-  constexpr double kRidge = 1e-12;      // as in DescendPatch
+  constexpr double kRidge = 1e-12;      // as in DescendPixels
   constexpr double kMaxLeverage = 0.9;  // a pixel that alone fixes a parameter shows no error
   Square ridge = H;
   ridge.diagonal().array() += kRidge * H.diagonal().maxCoeff();
@@ -164,15 +167,15 @@ Eigen::Matrix<double, N, N> PatchCovariance(const Model& model,
 ///   bool Plausible(params); false stops the fit: it has left the patch,
 /// and its parameters 0 and 1 are x, y of the point sought; the fit is done when these rest.
 template <int N, typename Model>
-std::optional<PatchFit<N>> FitPatch(const Model& model,
-                                    std::span<const Pixel> pixels,
-                                    const Eigen::Matrix<double, N, 1>& start) {
+std::optional<PixelFit<N>> FitPixels(const Model& model,
+                                     std::span<const Pixel> pixels,
+                                     const Eigen::Matrix<double, N, 1>& start) {
   if (pixels.size() <= static_cast<std::size_t>(N)) return std::nullopt;
-  PatchFit<N> fit;
+  PixelFit<N> fit;
   fit.params = start;
-  const std::optional<PatchSums<N>> sums = DescendPatch<N>(model, pixels, &fit.params);
+  const std::optional<PixelFitSums<N>> sums = DescendPixels<N>(model, pixels, &fit.params);
   if (!sums) return std::nullopt;
-  fit.covariance = PatchCovariance<N>(model, pixels, fit.params, sums->H);
+  fit.covariance = PixelFitCovariance<N>(model, pixels, fit.params, sums->H);
   if (!fit.covariance.allFinite()) return std::nullopt;
   double sum = 0, sum_squares = 0;
   for (const Pixel& pixel : pixels) {

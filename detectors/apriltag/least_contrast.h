@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The contrast below which outlines are noise, for libapriltag.
 #pragma once
 
 #include <opencv2/core.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/quads/sort_quads.h"
+#include "detectors/tag_assignment/assign_tags.h"
 
 #include <fmt/format.h>
 
@@ -36,7 +36,7 @@ struct Group {
 
 class Sorter {
  public:
-  Sorter(const std::vector<ReadQuad>& read, const std::vector<QuadTarget>& targets)
+  Sorter(const std::vector<ReadTag>& read, const std::vector<TagPositions>& targets)
       : read_(read), targets_(targets), owners_(read.size()), owned_(targets.size()) {
     for (std::size_t k = 0; k < targets.size(); ++k) {
       std::size_t first = 0;
@@ -45,7 +45,7 @@ class Sorter {
     }
   }
 
-  std::vector<QuadOwner> Sort() {
+  std::vector<TagOwner> Sort() {
     while (AssignOne()) continue;
     for (std::size_t i = 0; i < read_.size(); ++i) {
       owners_[i].fits_several = !owners_[i].target && Candidates(i) > 1;
@@ -144,19 +144,19 @@ class Sorter {
   /// The group itself, or another target's that has squares of it: the one that fits better than
   /// all others. Null: none does.
   [[nodiscard]] const Group* Best(const Group& group, const std::vector<Group>& groups) const {
-    std::vector<const Group*> rivals(targets_.size());
+    std::vector<const Group*> best(targets_.size());
     std::vector<std::size_t> most(targets_.size());
     for (const Group& other : groups) {
       const auto common = static_cast<std::size_t>(std::ranges::count_if(
           other.members, [&](const auto& member) { return Has(group, member); }));
       if (common > most[other.target]) {
         most[other.target] = common;
-        rivals[other.target] = &other;
+        best[other.target] = &other;
       }
     }
-    std::erase(rivals, nullptr);
-    for (const Group* one : rivals) {
-      if (std::ranges::all_of(rivals, [&](const Group* other) {
+    std::erase(best, nullptr);
+    for (const Group* one : best) {
+      if (std::ranges::all_of(best, [&](const Group* other) {
             return one == other || FitsBetter(*one, *other) || MayStandFor(*one, *other);
           })) {
         return one;
@@ -227,17 +227,17 @@ class Sorter {
     return ratio > 1 && FTail(ratio, freedom, freedom) < kSure;
   }
 
-  const std::vector<ReadQuad>& read_;
-  const std::vector<QuadTarget>& targets_;
-  std::vector<QuadOwner> owners_;
+  const std::vector<ReadTag>& read_;
+  const std::vector<TagPositions>& targets_;
+  std::vector<TagOwner> owners_;
   std::vector<std::map<int, Quad>> owned_;  // by target
   std::vector<std::size_t> prints_;         // by target: the first of its print
 };
 
 }  // namespace
 
-QuadTarget TagsOf(const Target& target) {
-  QuadTarget tags;
+TagPositions TagsOf(const Target& target) {
+  TagPositions tags;
   for (const int id : std::get<TagLayout>(target.layout).ids) {
     for (int k = 0; k < 4; ++k) {
       tags[id][static_cast<std::size_t>(k)] = target.markers.at(4 * id + k);
@@ -246,13 +246,14 @@ QuadTarget TagsOf(const Target& target) {
   return tags;
 }
 
-bool IsSamePrint(const QuadTarget& a, const QuadTarget& b) {
+bool IsSamePrint(const TagPositions& a, const TagPositions& b) {
   if (a.size() != b.size() || a.empty()) return false;
   // Distances from the four corners of the first square, in its sides.
-  const auto in_sides = [](const QuadTarget& target, std::size_t corner, const Eigen::Vector3d& p) {
-    const QuadPoints& first = target.begin()->second;
-    return (p - first[corner]).norm() / (first[1] - first[0]).norm();
-  };
+  const auto in_sides =
+      [](const TagPositions& target, std::size_t corner, const Eigen::Vector3d& p) {
+        const QuadPoints& first = target.begin()->second;
+        return (p - first[corner]).norm() / (first[1] - first[0]).norm();
+      };
   return std::ranges::equal(a, b, [&](const auto& one, const auto& other) {
     if (one.first != other.first) return false;
     for (std::size_t from = 0; from < 4; ++from) {
@@ -267,8 +268,8 @@ bool IsSamePrint(const QuadTarget& a, const QuadTarget& b) {
   });
 }
 
-std::vector<QuadOwner> SortQuads(const std::vector<ReadQuad>& read,
-                                 const std::vector<QuadTarget>& targets) {
+std::vector<TagOwner> AssignTags(const std::vector<ReadTag>& read,
+                                 const std::vector<TagPositions>& targets) {
   return Sorter(read, targets).Sort();
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/templates/cell_drawing.h"
+#include "detectors/templates/cell_template.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,26 +9,26 @@
 
 namespace plenocal::internal {
 
-CellDrawing::CellDrawing(std::vector<float> cells, int n) : n_(n), cells_(std::move(cells)) {
+CellTemplate::CellTemplate(std::vector<float> cells, int n) : n_(n), cells_(std::move(cells)) {
   cells_.resize(2 * n * (n + 1), 0.f);
   for (Profile* profile : {&across_, &down_}) profile->cells.resize(n);
 }
 
-CellDrawing::CellDrawing(std::vector<float> cells, std::vector<float> lines)
-    : CellDrawing(std::move(cells), static_cast<int>(lines.size()) - 1) {
+CellTemplate::CellTemplate(std::vector<float> cells, std::vector<float> lines)
+    : CellTemplate(std::move(cells), static_cast<int>(lines.size()) - 1) {
   lines_ = std::move(lines);
 }
 
-void CellDrawing::SetBeyond(float value) {
+void CellTemplate::SetBeyond(float value) {
   for (int i = 0; i < n_; ++i) {
     for (const int cell : {i, n_ * (n_ - 1) + i, n_ * i, n_ * i + n_ - 1}) cells_[cell] = value;
   }
 }
 
-PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at,
-                                               const Lanes& blur,
-                                               int n,
-                                               const std::vector<float>& lines) {
+PLENOCAL_LANES void CellTemplate::Profile::Fill(const Lanes& at,
+                                                const Lanes& blur,
+                                                int n,
+                                                const std::vector<float>& lines) {
   const Lanes reach = kNormalReach * blur;
   // Boundary i is between cells i - 1 and i; the outermost cells have no end.
   const float last = static_cast<float>(n - 1);
@@ -79,16 +79,16 @@ PLENOCAL_LANES void CellDrawing::Profile::Fill(const Lanes& at,
 }
 
 /// Adds the share of the cells that are not outermost ones.
-PLENOCAL_LANES void CellDrawing::Profile::AddKnown(int n, Lanes* known) const {
+PLENOCAL_LANES void CellTemplate::Profile::AddKnown(int n, Lanes* known) const {
   for (int k = 0; k < count; ++k) {
     const IntLanes cell = first + k;
     *known += ((cell > 0) & (cell < n - 1)) ? cells[k].share : Lanes{};
   }
 }
 
-PLENOCAL_LANES void CellDrawing::AddProduct(const BlurredPlace& at,
-                                            const Lanes& weight,
-                                            Drawn* drawn) {
+PLENOCAL_LANES void CellTemplate::AddProduct(const BlurredPlace& at,
+                                             const Lanes& weight,
+                                             Drawn* drawn) {
   const auto& [u, v, blur_u, blur_v, r] = at;
   across_.Fill(u, blur_u, n_, lines_);
   down_.Fill(v, blur_v, n_, lines_);
@@ -127,7 +127,7 @@ PLENOCAL_LANES void CellDrawing::AddProduct(const BlurredPlace& at,
   drawn->by_beyond += weight * (1 - known_u * known_v);
 }
 
-PLENOCAL_FOR_EACH_PROCESSOR void CellDrawing::Draw(
+PLENOCAL_FOR_EACH_PROCESSOR void CellTemplate::Draw(
     const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) {
   *drawn = {};
   drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;

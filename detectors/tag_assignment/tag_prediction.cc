@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/quads/quad_prediction.h"
+#include "detectors/tag_assignment/tag_prediction.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

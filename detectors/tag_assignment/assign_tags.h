@@ -9,28 +9,28 @@
 #include <string>
 #include <vector>
 
-#include "detectors/quads/quad_prediction.h"
+#include "detectors/tag_assignment/tag_prediction.h"
 #include "targets/target.h"
 
 namespace plenocal::internal {
 
 /// A square with a number, as read in one image; a number may occur more than once.
-struct ReadQuad {
+struct ReadTag {
   int id = 0;
   Quad corners;  ///< px
 };
 
 /// The squares of a target by their numbers.
-using QuadTarget = std::map<int, QuadPoints>;
+using TagPositions = std::map<int, QuadPoints>;
 
 /// Of a target with a `TagLayout`.
-QuadTarget TagsOf(const Target& target);
+TagPositions TagsOf(const Target& target);
 
 /// Whether both have the same numbers in the same arrangement, up to a change of scale.
-bool IsSamePrint(const QuadTarget& a, const QuadTarget& b);
+bool IsSamePrint(const TagPositions& a, const TagPositions& b);
 
 /// Where a square belongs.
-struct QuadOwner {
+struct TagOwner {
   std::optional<std::size_t> target;  ///< index of the target; nothing: undecided
   /// Of an undecided square: several targets fit, not none.
   bool fits_several = false;
@@ -40,8 +40,8 @@ struct QuadOwner {
 /// first. It belongs to the target that leaves significantly smaller residuals than every other
 /// one. A target is in the image once, so that its squares are not looked for in a second group. Of
 /// targets of the same print the first that is not in view yet has the group.
-std::vector<QuadOwner> SortQuads(const std::vector<ReadQuad>& read,
-                                 const std::vector<QuadTarget>& targets);
+std::vector<TagOwner> AssignTags(const std::vector<ReadTag>& read,
+                                 const std::vector<TagPositions>& targets);
 
 /// For the user: why a `tag` or `marker` was left out.
 std::string FitsSeveral(const char* what, int id);

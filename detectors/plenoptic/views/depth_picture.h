@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Pictures of virtual depth for viewing and for other programs.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

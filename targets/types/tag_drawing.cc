@@ -180,7 +180,9 @@ std::vector<TargetPart> TagLayout::Draw(const MarkerPositions& markers, Pieces p
     for (int k = 0; k < 4; ++k) tag.corners[static_cast<size_t>(k)] = markers.at(4 * id + k);
     tags.push_back(tag);
   }
-  TagStyle style{.pictures = internal::DrawTags(*this), .corner_squares = black_corner_squares};
+  TagStyle style{.pictures = {}, .corner_squares = black_corner_squares};
+  const internal::TagFamily codes = internal::MakeTagFamily(family, border_bits, ids);
+  for (const int id : ids) style.pictures[id] = codes.Picture(id);
   if (black_corner_squares) style.corner_square = CornerSquare(tags);
   std::vector<std::vector<Tag>> groups;
   if (pieces == Pieces::kApart) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/quads/least_contrast.h"
+#include "detectors/apriltag/least_contrast.h"
 
 #include <algorithm>
 #include <array>

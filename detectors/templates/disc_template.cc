@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "detectors/templates/disc_drawing.h"
+#include "detectors/templates/disc_template.h"
 
 #include "calib/kernels/processors.h"
 
 namespace plenocal::internal {
 
-PLENOCAL_FOR_EACH_PROCESSOR void DiscDrawing::Draw(
+PLENOCAL_FOR_EACH_PROCESSOR void DiscTemplate::Draw(
     const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) const {
   drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;
   const Lanes inverse = 1 / drawn->scale;

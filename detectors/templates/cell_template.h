@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Rendering of a blurred raster of cells with its derivatives.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,14 +18,14 @@ namespace plenocal::internal {
 /// the blurs along them are correlated by some r. For a small r the tetrachoric series, cut after
 /// r^2, continues the sum; for a larger one both blurs are split into a common part, which is
 /// integrated numerically, and independent rests.
-class CellDrawing {
+class CellTemplate {
  public:
   /// `cells`: n x n values by rows, the first row at the top. Those of the outermost cells go on
   /// without end.
-  CellDrawing(std::vector<float> cells, int n);
+  CellTemplate(std::vector<float> cells, int n);
   /// Cell i of either axis lies between lines[i] and lines[i + 1], ascending; "cells" as a unit of
   /// length is that of the lines.
-  CellDrawing(std::vector<float> cells, std::vector<float> lines);
+  CellTemplate(std::vector<float> cells, std::vector<float> lines);
 
   /// Gives all outermost cells one value, which `Drawn::by_beyond` belongs to.
   void SetBeyond(float value);
