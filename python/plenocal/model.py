@@ -81,13 +81,13 @@ class CameraModel:
         raise NotImplementedError(f"{type(self).__name__}: project is missing")
 
     def jacobian(self, params: Sequence[float], point: Sequence[float]) -> tuple[Any, Any, Any]:
-        """Optional: of one point the image point (2,), and its derivatives by the parameters (2, P)
-        and by the point (2, 3)."""
+        """Optional: of one point (x, y, z, m) and params the image point (2,), px, and its derivatives by
+        the parameters (2, P) and by the point (2, 3)."""
         raise NotImplementedError
 
     def unproject(self, params: Sequence[float], pixel: Sequence[float]) -> Any:
-        """Optional: direction (3,) of any length of the ray through one image point, NaN: none. The
-        default inverts `project`."""
+        """Optional: direction (3,) of any length of the ray through one pixel (x, y, px) of a camera with
+        params, NaN: none. The default inverts `project`."""
         return self._invert(params, pixel)
 
     def start(self, f: float, c_x: float, c_y: float) -> Iterable[Sequence[float]]:
@@ -199,8 +199,13 @@ M = TypeVar("M", bound=type[CameraModel])
 
 
 def register(model: M) -> None:
-    """Adds a camera model of this process, for good. Raises `InputError` for one that lacks a part
-    or whose name is taken."""
+    """Adds a camera model of this process, for good.
+
+    Args:
+        model: a subclass of `CameraModel`.
+
+    Raises `InputError` for one that lacks a part or whose name is taken.
+    """
     where = model.__name__
     for attribute in ("name", "params", "example"):
         if not hasattr(model, attribute):
