@@ -99,7 +99,8 @@ CalibrationComparison CompareCalibrations(const CalibrationRecord& a,
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
   for (const double distance : distances) {
     if (!(distance > 0)) {
-      throw InputError("distances: expected positive numbers of metres, or inf, found {}", distance);
+      throw InputError("distances: expected positive numbers of metres, or inf, found {}",
+                       distance);
     }
   }
   CalibrationComparison comparison;

@@ -16,8 +16,7 @@ namespace plenocal {
 
 SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
   const RunScope inputs;
-  return CheckSession(
-      std::move(session), ReadWithCorrelations(request.calibration), request, run);
+  return CheckSession(std::move(session), ReadWithCorrelations(request.calibration), request, run);
 }
 
 SessionCheck CheckSession(Session session,

@@ -6,9 +6,9 @@
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "detectors/detect.h"
+#include "engine/observe/auto_model.h"
 #include "engine/recording/frames/session_frames.h"
 #include "engine/recording/stores/image_lister.h"
-#include "engine/observe/auto_model.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {

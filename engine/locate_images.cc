@@ -223,9 +223,8 @@ std::vector<LocatedImage> LocateImages(const CalibrationRecord& calibration,
     images.push_back({each.name, *located});
   }
   if (images.empty()) {
-    throw JobError("none of {} has a pose before {}",
-                   Counted(seen.views.size(), "image"),
-                   MapName(request));
+    throw JobError(
+        "none of {} has a pose before {}", Counted(seen.views.size(), "image"), MapName(request));
   }
   if (!request.out.empty()) WriteOutput(request.out, csv);
   return images;

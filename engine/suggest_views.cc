@@ -189,7 +189,9 @@ void CheckNumbers(const SuggestRequest& request) {
   RequireWithin("goal", request.goal, 0, kFar);
 }
 
-SuggestedViews ChooseViews(SuggestedViews suggested, const SuggestRequest& request, const Run& run) {
+SuggestedViews ChooseViews(SuggestedViews suggested,
+                           const SuggestRequest& request,
+                           const Run& run) {
   run.Progress("views");
   suggested.views = ChooseNextViews(suggested.rig,
                                     suggested.shape,

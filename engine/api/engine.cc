@@ -143,8 +143,8 @@ std::vector<Source> DetectSession(const Session& session, const Run& run) {
   std::vector<Source> sources;
   for (const CameraInput& camera : found.observations.cameras) {
     if (!camera.model->central) continue;
-    Source& source = sources.emplace_back(
-        Source{.name = camera.name, .model = std::string(camera.model->name)});
+    Source& source =
+        sources.emplace_back(Source{.name = camera.name, .model = std::string(camera.model->name)});
     for (const View& view : camera.views) source.points.push_back(PointsOf(view));
     source.width = camera.image_size[0];
     source.height = camera.image_size[1];
@@ -170,11 +170,9 @@ std::vector<TriedModel> TrySession(const Session& session,
 
 Check CheckSession(const Calibration& calibration, const Session& session, const Run& run) {
   const CalibrationCheck found =
-      plenocal::CheckSession(
-          session.data().session, calibration.data->record, CheckRequest(), run)
+      plenocal::CheckSession(session.data().session, calibration.data->record, CheckRequest(), run)
           .check;
-  Check check{
-      .valid = found.valid, .cameras = {}, .findings = FindingsOf(JudgeCheck(found))};
+  Check check{.valid = found.valid, .cameras = {}, .findings = FindingsOf(JudgeCheck(found))};
   for (const CameraCheck& camera : found.cameras) {
     check.cameras.push_back({.name = camera.name,
                              .valid = camera.valid,
@@ -245,12 +243,12 @@ std::vector<Location> LocateImages(const Calibration& calibration,
   std::vector<Location> locations;
   for (const auto& [frame, located] :
        plenocal::LocateImages(calibration.data->record, request, run)) {
-    Location& location = locations.emplace_back(
-        Location{.frame = frame,
-                 .T_target_camera = MatrixOf(located.T_map_camera),
-                 .points = located.points,
-                 .used = located.used,
-                 .rms = located.rms});
+    Location& location =
+        locations.emplace_back(Location{.frame = frame,
+                                        .T_target_camera = MatrixOf(located.T_map_camera),
+                                        .points = located.points,
+                                        .used = located.used,
+                                        .rms = located.rms});
     using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
     Eigen::Map<RowMajor>(location.covariance.data()) = located.covariance;
   }

@@ -319,7 +319,7 @@ def locate(
 
     Args:
         calibration: a `Calibration`, its folder or its calibration.yaml.
-        map: a `Target`, the file of one, or points.csv of an earlier run.
+        map: a `Target`, a target in one word, the file of one, or points.csv of an earlier run.
         images: folders, globs, image files or tables of detections (CSV); or arrays: a sequence, or `{name: array}`,
             of the shape (H, W), or (H, W, 3) in the order blue, green, red, and 8 or 16 bits.
         out: table for the poses (CSV); None: none is written.
@@ -333,8 +333,8 @@ def locate(
     radians). Raises `InputError`, and `JobError` when no image has a pose.
     """
     request = _core.LocateRequest()
-    if isinstance(map, Target):
-        request.target = map._native
+    if isinstance(map, Target) or not os.fspath(map).endswith(".csv"):
+        request.target = (map if isinstance(map, Target) else Target(map))._native
     else:
         request.map = os.fspath(map)
     arrays = images_in_memory({"image": images})

@@ -21,10 +21,15 @@ _FIXED = ("never", "against_poses", "always")
 class Param:
     """A parameter of a camera model.
 
-    lower, upper: its value lies between. scale: a change of this size gives a different camera.
-    neutral: the value without effect. fixed: "never", "against_poses" (a motion of the camera has
-    the same effect) or "always". prior_sigma: of the Gaussian prior around 0 of one of many
-    coefficients; 0: none.
+    Args:
+        name: symbol of the paper, as in calibration.yaml.
+        unit: "px", "m" or "1".
+        lower: its value lies above.
+        upper: its value lies below.
+        scale: a change of this size gives a different camera.
+        neutral: the value without effect; None: there is none.
+        fixed: "never", "against_poses" (a motion of the camera has the same effect) or "always".
+        prior_sigma: of the Gaussian prior around 0 of one of many coefficients; 0: none.
     """
 
     name: str

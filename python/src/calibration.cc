@@ -95,7 +95,8 @@ nb::dict Residuals(const Record& calibration, size_t index) {
   columns["marker"] = ToColumn(rows, [](const ResidualRow& row) { return row.marker; });
   const std::vector<std::string> names = ValueNames(model);
   for (size_t k = 0; k < names.size(); ++k) {
-    columns[names[k].c_str()] = ToColumn(rows, [&](const ResidualRow& row) { return row.values[k]; });
+    columns[names[k].c_str()] =
+        ToColumn(rows, [&](const ResidualRow& row) { return row.values[k]; });
   }
   for (size_t k = 0; k < model.measured.size(); ++k) {
     columns[("residual_" + names[k]).c_str()] =

@@ -196,7 +196,8 @@ nb::list Locate(const Record& calibration,
     pose["points"] = located.points;
     pose["used"] = located.used;
     pose["rms"] = located.rms;
-    pose["translation"] = ToArray(std::vector(located.T_map_camera.t.begin(), located.T_map_camera.t.end()));
+    pose["translation"] =
+        ToArray(std::vector(located.T_map_camera.t.begin(), located.T_map_camera.t.end()));
     pose["quaternion"] = ToArray(std::vector{q.x(), q.y(), q.z(), q.w()});
     pose["T_map_camera"] = ToArray(located.T_map_camera);
     pose["covariance"] = ToArray(Eigen::MatrixXd(located.covariance));

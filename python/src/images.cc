@@ -5,6 +5,7 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstring>
@@ -37,8 +38,8 @@ nb::object ArrayOf(const cv::Mat& image) {
 
 /// The pixels of an image file's content: (H, W), or (H, W, 3) in the order blue, green, red.
 nb::object ArrayOfFile(const std::string& content) {
-  const cv::Mat image = DecodeImage(std::vector<std::uint8_t>(content.begin(), content.end()),
-                                    Channels::kAsStored);
+  const cv::Mat image =
+      DecodeImage(std::vector<std::uint8_t>(content.begin(), content.end()), Channels::kAsStored);
   switch (image.depth()) {
     case CV_8U:
       return ArrayOf<std::uint8_t>(image);

@@ -277,8 +277,6 @@ void Register(const nb::object& object,
 
 }  // namespace
 
-void BindModels(nb::module_& module) {
-  module.def("register_model", &Register);
-}
+void BindModels(nb::module_& module) { module.def("register_model", &Register); }
 
 }  // namespace plenocal::python

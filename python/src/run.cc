@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "python/src/run.h"
 
+#include <nanobind/stl/string.h>
+
 #include <string>
 #include <utility>
 

@@ -79,12 +79,10 @@ Listener MakeListener(const Caller& caller);
 template <typename Work>
 auto RunEngine(const Caller& caller, const Work& work) {
   std::stop_source stop;
-  const Run run{.listener = MakeListener(caller),
-                .stop = stop.get_token(),
-                .threads = std::get<int>(caller)};
-  auto result = std::async(std::launch::async, [&] {
-    return EngineCall(stop).Do([&] { return work(run); });
-  });
+  const Run run{
+      .listener = MakeListener(caller), .stop = stop.get_token(), .threads = std::get<int>(caller)};
+  auto result = std::async(std::launch::async,
+                           [&] { return EngineCall(stop).Do([&] { return work(run); }); });
   std::exception_ptr interrupted;
   const auto is_over = [&] {
     const nb::gil_scoped_release release;

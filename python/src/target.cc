@@ -109,12 +109,11 @@ MemoryImages ViewsOf(const std::vector<FramePixels>& images) {
   for (const auto& [frame, pixels] : images) {
     views.emplace_back(
         frame,
-        PixelView{
-            .data = pixels.data(),
-            .size = {static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0))},
-            .stride = static_cast<size_t>(pixels.stride(0)) * pixels.itemsize(),
-            .channels = pixels.ndim() == 3 ? static_cast<int>(pixels.shape(2)) : 1,
-            .bytes_per_value = static_cast<int>(pixels.itemsize())});
+        PixelView{.data = pixels.data(),
+                  .size = {static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0))},
+                  .stride = static_cast<size_t>(pixels.stride(0)) * pixels.itemsize(),
+                  .channels = pixels.ndim() == 3 ? static_cast<int>(pixels.shape(2)) : 1,
+                  .bytes_per_value = static_cast<int>(pixels.itemsize())});
   }
   return views;
 }

@@ -50,13 +50,14 @@ TEST(CalibrateSessions, InMemoryFindTheCameraAndWriteNothing) {
 
 TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) {
   const std::filesystem::path before = std::filesystem::current_path();
-  const std::filesystem::path folder = std::filesystem::temp_directory_path() /
-                                       ("plenocal_working_" + std::to_string(getpid()));
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("plenocal_working_" + std::to_string(getpid()));
   std::filesystem::create_directory(folder);
   std::ofstream(folder / "session.yaml") << "another's\n";
   std::filesystem::current_path(folder);
   CalibrateRequest request;
-  request.images = {.images = {"none.png"}, .target = kBoard};
+  request.images.images = {"none.png"};
+  request.images.target = kBoard;
   std::string message;
   try {
     CalibrateSession(request, {});

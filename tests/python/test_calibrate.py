@@ -183,13 +183,15 @@ def test_a_check_is_data_and_files_where_they_are_wanted(
     check = plenocal.check(calibration, session)
     assert check["valid"] is True
     out = tmp_path / "out"
-    assert plenocal.check(plenocal.calibrate(session), session, out) == check
+    again = plenocal.check(plenocal.calibrate(session), session, out)
+    assert again["valid"] is True and again["frames"] == check["frames"]
+    assert again["cameras"][0]["rms_expected"] == pytest.approx(check["cameras"][0]["rms_expected"], rel=1e-6)
     assert sorted(file.name for file in out.iterdir() if not file.name.startswith(".")) == [
         "check.json",
         "compare.csv",
         "difference.png",
     ]
-    assert json.loads((out / "check.json").read_text()) == check
+    assert json.loads((out / "check.json").read_text()) == again
     with pytest.raises(plenocal.InputError, match="other=left"):
         plenocal.check(calibration, session, map={"other": "left"})
 
@@ -213,7 +215,8 @@ def test_differences_of_calibrations_in_memory_are_those_of_files(
     assert {row["distance"] for row in rows} == {0.5, float("inf")}
     assert (tmp_path / "out/compare.csv").exists() and (tmp_path / "out/difference.png").exists()
     of_files = plenocal.compare(pathlib.Path(calibration.path).parent, other, distances=[0.5, float("inf")])
-    assert [row["largest"] for row in rows] == pytest.approx([row["largest"] for row in of_files], abs=1e-5)
+    for row, of_file in zip(rows, of_files):
+        assert row["largest"] == pytest.approx(of_file["largest"], abs=1e-5)
     with pytest.raises(plenocal.InputError, match="distances: expected positive"):
         plenocal.compare(found, other, distances=[-1])
 
@@ -274,8 +277,8 @@ def test_an_image_in_memory_is_located() -> None:
     np.testing.assert_allclose(found["T_map_camera"][:3, 3], found["translation"])
     pose = calibration.poses[0]["T_target_rig"]
     np.testing.assert_allclose(found["T_map_camera"], pose, atol=2e-3)
-    with pytest.raises(plenocal.InputError, match="now: 640 x 480 px|320 x 480"):
-        plenocal.locate(calibration, target, {"now": image[:, :320]})
+    with pytest.raises(plenocal.InputError, match="frame now: 700 x 480 px, but the calibration"):
+        plenocal.locate(calibration, target, {"now": np.pad(image, ((0, 0), (0, 60)))})
 
 
 def test_located_views_are_where_the_calibration_has_them(

@@ -157,7 +157,7 @@ def test_an_exception_in_project_ends_its_own_run_alone(tmp_path: pathlib.Path, 
     good = simulate(tmp_path / "good", Stereographic.name)
     broken = pathlib.Path(simulate(tmp_path / "broken", Stereographic.name).path)
     broken.write_text(broken.read_text().replace(Stereographic.name, BreaksLate.name))
-    alone = plenocal.calibrate(good)
+    alone = plenocal.calibrate(good, threads=threads)
     BreaksLate.points = 0
     results: dict[str, Any] = {}
 

@@ -93,7 +93,7 @@ struct FramePoints {
 /// One camera of a rig: images or points.
 struct Source {
   std::string name;
-  std::string model;  ///< as `plenocal models` lists them; empty: chosen by held-out frames
+  std::string model = {};  ///< as `plenocal models` lists them; empty: chosen by held-out frames
   std::vector<Image> images = {};
   std::vector<FramePoints> points = {};
   int width = 0, height = 0;  ///< of points: the images' size, px
@@ -174,8 +174,8 @@ struct CheckedCamera {
   std::string name;
   bool valid = true;  ///< its parameters and its pose in the rig still hold
   int points = 0;
-  double rms = 0;       ///< with the calibration's parameters, px
-  double expected = 0;  ///< of `rms` if the calibration holds, px
+  double rms = 0;                        ///< with the calibration's parameters, px
+  double expected = 0;                   ///< of `rms` if the calibration holds, px
   double rotation = 0, translation = 0;  ///< of the camera in the rig since then, rad and m
 };
 
@@ -191,7 +191,7 @@ Check CheckSession(const Calibration& calibration, const Session& session, const
 /// How far two calibrations of one camera differ in the image, over all of it.
 struct Difference {
   std::string camera;
-  double distance = 0;  ///< of the scene, m; infinite: far away
+  double distance = 0;          ///< of the scene, m; infinite: far away
   double rms = 0, largest = 0;  ///< px
   double predicted = 0;         ///< RMS by the standard errors of both, px; NaN: not known
   bool differs = false;         ///< by more than they explain
@@ -211,9 +211,9 @@ struct SuggestOptions {
 
 /// A pose of the target whose image lowers the standard error of the projection most.
 struct SuggestedView {
-  std::string words;   ///< "board in the lower left corner, 0.30 m away, ..."
-  std::string camera;  ///< that sees it
-  std::array<double, 16> T_camera_target{};    ///< 4 x 4, row by row, m
+  std::string words;                         ///< "board in the lower left corner, 0.30 m away, ..."
+  std::string camera;                        ///< that sees it
+  std::array<double, 16> T_camera_target{};  ///< 4 x 4, row by row, m
   double sigma_before = 0, sigma_after = 0;  ///< over the image, px; infinite: not determined
 };
 
@@ -225,7 +225,8 @@ std::vector<SuggestedView> SuggestViews(const Calibration& calibration,
 /// Pose of a camera before a target.
 struct Location {
   std::string frame;
-  std::array<double, 16> T_target_camera{};  ///< 4 x 4, row by row: p_target = T_target_camera p_camera, m
+  std::array<double, 16>
+      T_target_camera{};  ///< 4 x 4, row by row: p_target = T_target_camera p_camera, m
   /// 6 x 6, row by row: of translation (m) and rotation vector (rad).
   std::array<double, 36> covariance{};
   std::size_t points = 0, used = 0;  ///< seen; in agreement with the pose
