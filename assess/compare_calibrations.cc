@@ -97,6 +97,12 @@ CalibrationComparison CompareCalibrations(const CalibrationRecord& a,
                                           const CalibrationRecord& b,
                                           std::vector<double> distances) {
   if (distances.empty()) distances = {1, std::numeric_limits<double>::infinity()};
+  for (const double distance : distances) {
+    if (!(distance > 0)) {
+      throw InputError("distances: expected positive numbers of metres, or inf, found {}",
+                       distance);
+    }
+  }
   CalibrationComparison comparison;
   for (const CalibratedCamera& camera : a.cameras) {
     const bool single = a.cameras.size() == 1 && b.cameras.size() == 1;

@@ -6,6 +6,7 @@
 #include "calib/base/names.h"
 #include "calib/estimate/describe.h"
 #include "calib/io/input_file.h"
+#include "engine/observe/auto_model.h"
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
@@ -15,7 +16,15 @@ namespace plenocal {
 
 SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
   const RunScope inputs;
-  CalibrationRecord old = OpenWithCorrelations(request.calibration);
+  return CheckSession(std::move(session), OpenWithCorrelations(request.calibration), request, run);
+}
+
+SessionCheck CheckSession(Session session,
+                          CalibrationRecord old,
+                          const CheckRequest& request,
+                          const Run& run) {
+  const RunScope inputs;
+  session = WithUsualModels(std::move(session));
   UseOptions(request, &session);
   if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
   RefuseSeveralTargets(session, "compare --check");
@@ -25,7 +34,7 @@ SessionCheck CheckSession(Session session, const CheckRequest& request, const Ru
         "calibration of its own; calibrate it, then compare both: plenocal "
         "calibrate {0} -o NEW; plenocal compare {1} NEW/calibration.yaml",
         session.path.string(),
-        request.calibration.string());
+        old.path.string());
   }
   const Target target = ReadTarget(session.target);
   SessionOptions places = request;

@@ -9,6 +9,8 @@
 
 #include "assess/check.h"
 #include "calib/base/run.h"
+#include "calib/files/calibration_record.h"
+#include "calib/files/session.h"
 #include "engine/compare_calibrations.h"
 #include "engine/session/run_folders.h"
 #include "engine/session/session_options.h"
@@ -17,7 +19,7 @@ namespace plenocal {
 
 /// With the cameras of the session and their counterparts in the calibration, if they differ.
 struct CheckRequest : SessionOptions, ComparedBy {
-  std::filesystem::path calibration;  ///< calibration.yaml
+  std::filesystem::path calibration;  ///< calibration.yaml, where none is given as a record
 };
 
 struct SessionCheck {
@@ -29,5 +31,9 @@ struct SessionCheck {
 
 /// Does the calibration hold for the images of the session? Throws `Error`, and `Stopped`.
 SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run);
+SessionCheck CheckSession(Session session,
+                          CalibrationRecord old,
+                          const CheckRequest& request,
+                          const Run& run);
 
 }  // namespace plenocal

@@ -6,6 +6,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "detectors/detect.h"
+#include "engine/observe/auto_model.h"
 #include "engine/recording/frames/session_frames.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/session/session_targets.h"
@@ -17,7 +18,7 @@ DetectedSession DetectSession(const Session& session,
                               const Run& run) {
   const RunScope inputs;
   DetectedSession detected;
-  detected.session = session;
+  detected.session = WithUsualModels(session);
   UseOptions(options, &detected.session);
   const SessionTargets targets = ReadSessionTargets(detected.session);
   detected.folders =

@@ -47,12 +47,25 @@ void CheckSize(const CalibratedCamera& camera, ImageSize size, const std::string
                    fmt::join(camera.image_size, " x "));
 }
 
+std::vector<FrameImage> ImagesOf(const LocateRequest& request) {
+  return request.given.empty() ? FindImageInputs(request.images, "images") : request.given;
+}
+
+std::string NameOf(const LocateRequest& request, const FrameImage& image) {
+  return request.given.empty() ? image.path.string() : image.frame;
+}
+
+std::string MapName(const LocateRequest& request) {
+  return request.target ? "the target" : request.map.string();
+}
+
 /// The target's markers in the images.
 void DetectMarkers(const LocateRequest& request,
+                   const Target& target,
                    const CalibratedCamera& camera,
                    const Run& run,
                    ObservedImages* seen) {
-  const std::vector<FrameImage> images = FindImageInputs(request.images, "images");
+  const std::vector<FrameImage> images = ImagesOf(request);
   const DetectOptions options{
       .white_images = request.white.empty() ? std::vector<FrameImage>()
                                             : FindImageInputs(request.white, "white images"),
@@ -61,15 +74,17 @@ void DetectMarkers(const LocateRequest& request,
       .progress = [&](size_t done) { return run.Progress("images", done, images.size()); }};
   ImageDetections found =
       DetectImages(images,
-                   ReadTarget(request.map),
+                   target,
                    camera.model->plenoptic ? CameraOptics::kPlenoptic : CameraOptics::kOrdinary,
                    options);
-  CheckSize(camera, found.image_size, request.images[0]);
+  CheckSize(camera,
+            found.image_size,
+            request.given.empty() ? request.images[0] : images[0].path.string());
   if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&found.views);
   for (const FrameImage& image : images) {
     const auto same = [&](const View& view) { return view.frame == image.frame; };
     const auto view = std::ranges::find_if(found.views, same);
-    seen->views.push_back({image.path.string(), view == found.views.end() ? View{} : *view});
+    seen->views.push_back({NameOf(request, image), view == found.views.end() ? View{} : *view});
   }
 }
 
@@ -101,12 +116,12 @@ void MatchPoints(const LocateRequest& request,
   }
   std::optional<PlenopticCamera> optics;
   if (camera.model->plenoptic) optics = OpticsOf(request, camera, run);
-  const std::vector<FrameImage> images = FindImageInputs(request.images, "images");
+  const std::vector<FrameImage> images = ImagesOf(request);
   for (const FrameImage& image : images) {
     if (!run.Progress("images", seen->views.size(), images.size())) throw Stopped();
     const cv::Mat pixels = optics ? ReadImage(image) : ReadGray(image);
     CheckSize(camera, {pixels.cols, pixels.rows}, image.path.string());
-    seen->views.push_back({image.path.string(),
+    seen->views.push_back({NameOf(request, image),
                            optics ? MatchLandmarks(pixels, camera, *optics, map, run.threads)
                                   : MatchLandmarks(pixels, map)});
   }
@@ -118,22 +133,23 @@ ObservedImages FindObservations(const LocateRequest& request,
                                 const Run& run) {
   ObservedImages seen;
   LandmarkMap map;
-  if (IsTable(request.map)) {
+  std::optional<Target> target = request.target;
+  if (!target && IsTable(request.map)) {
     map = ReadLandmarkMap(request.map);
-    seen.points = map.points;
-  } else {
-    seen.points = ReadTarget(request.map).markers;
+  } else if (!target) {
+    target = ReadTarget(request.map);
   }
-  if (IsTable(request.images[0])) {
+  seen.points = target ? target->markers : map.points;
+  if (request.given.empty() && IsTable(request.images[0])) {
     for (const std::string& input : request.images) {
       for (View& view : ReadDetections(input, *camera.model)) {
         seen.views.push_back({view.frame, std::move(view)});
       }
     }
-  } else if (IsTable(request.map)) {
-    MatchPoints(request, camera, map, run, &seen);
+  } else if (target) {
+    DetectMarkers(request, *target, camera, run, &seen);
   } else {
-    DetectMarkers(request, camera, run, &seen);
+    MatchPoints(request, camera, map, run, &seen);
   }
   return seen;
 }
@@ -174,10 +190,17 @@ std::string RowText(const std::string& name, const LocatedView& located) {
 
 std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& run) {
   const RunScope inputs;
-  if (request.images.empty()) {
+  return LocateImages(OpenCalibration(request.calibration), request, run);
+}
+
+std::vector<LocatedImage> LocateImages(const CalibrationRecord& calibration,
+                                       const LocateRequest& request,
+                                       const Run& run) {
+  const RunScope inputs;
+  UseAsInput(calibration.path);
+  if (request.images.empty() && request.given.empty()) {
     throw InputError("locate: give images, or detections (CSV)");
   }
-  const CalibrationRecord calibration = OpenCalibration(request.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
   const ObservedImages seen = FindObservations(request, camera, run);
   std::vector<LocatedImage> images;
@@ -187,7 +210,7 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
         LocateView(camera, each.view, seen.points, seen.numbering);
     if (!located) {
       run.Message(fmt::format(
-          "  left out {}: shows too few points of {} for a pose", each.name, request.map.string()));
+          "  left out {}: shows too few points of {} for a pose", each.name, MapName(request)));
       continue;
     }
     if (located->alternative && located->alternative->IsAmbiguous()) {
@@ -199,9 +222,8 @@ std::vector<LocatedImage> LocateImages(const LocateRequest& request, const Run& 
     images.push_back({each.name, *located});
   }
   if (images.empty()) {
-    throw JobError("none of {} has a pose before {}",
-                   Counted(seen.views.size(), "image"),
-                   request.map.string());
+    throw JobError(
+        "none of {} has a pose before {}", Counted(seen.views.size(), "image"), MapName(request));
   }
   if (!request.out.empty()) WriteOutput(request.out, csv);
   return images;

@@ -9,8 +9,10 @@
 #include "assess/verdict.h"
 #include "assess/views/view_information.h"
 #include "calib/base/format_error.h"
+#include "calib/base/number_limits.h"
 #include "calib/estimate/describe.h"
 #include "calib/io/input_file.h"
+#include "engine/observe/auto_model.h"
 #include "engine/observe/session_observations.h"
 #include "engine/session/earlier_session.h"
 #include "engine/session/open_session.h"
@@ -57,6 +59,27 @@ SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
       MakeFirstRigEstimate(cameras, target.markers, marker_freedom), MakeViewTarget(target), calibration.verdict};
 }
 
+// Micro lenses are in the folder that the calibration of a plenoptic camera was written to.
+void RefusePlenoptic(const std::vector<CalibratedCamera>& cameras, const std::string& input) {
+  for (const CalibratedCamera& camera : cameras) {
+    if (!camera.model->plenoptic) continue;
+    throw InputError(
+        "{}: suggestions for a plenoptic camera need its micro lenses; run "
+        "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
+        camera.name,
+        input);
+  }
+}
+
+SuggestedViews BasisOfRecord(const CalibrationRecord& calibration,
+                             const Target& target,
+                             const std::string& input) {
+  RefusePlenoptic(calibration.cameras, input);
+  SuggestedViews basis{MakeRigEstimate(calibration), MakeViewTarget(target), calibration.verdict};
+  SetFactors(calibration, basis.shape, &basis.rig);
+  return basis;
+}
+
 SuggestedViews BasisOfCalibration(const std::filesystem::path& folder, double angle_deg) {
   const CalibrationRecord calibration = ReadTargetCalibration(folder);
   const Target target = ReadTarget(folder / "target.yaml");
@@ -88,13 +111,12 @@ std::vector<FirstCamera> FirstCameras(const Session& session,
 
 // The calibration of a session; where its images do not suffice for one, cameras of the given angle
 // with their information.
-SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
-  Session session = OpenSession(request.input);
+SuggestedViews BasisOfSession(Session session, const SuggestRequest& request, const Run& run) {
   UseOptions(request, &session);
   RefuseSeveralTargets(session, "suggest");
   if (session.scene) {
     throw InputError("{}: has a scene in place of a target; next views are for a target",
-                     request.input.string());
+                     session.path.string());
   }
   const Target target = ReadTarget(session.target);
   const SessionObservations observations = CollectObservations(session, target, run, {});
@@ -106,17 +128,8 @@ SuggestedViews BasisOfSession(const SuggestRequest& request, const Run& run) {
                             return run.Progress(stage);
                           }});
     CalibrationRecord record = Describe(calibration);
-    SuggestedViews basis{MakeRigEstimate(record), MakeViewTarget(target), Judge(record)};
-    SetFactors(record, basis.shape, &basis.rig);
-    for (const CameraInput& camera : input.cameras) {
-      if (!camera.model->plenoptic) continue;
-      throw InputError(
-          "{}: suggestions for a plenoptic camera need its micro lenses; run "
-          "'plenocal calibrate {} -o OUT', then 'plenocal suggest OUT'",
-          camera.name,
-          request.input.string());
-    }
-    return basis;
+    record.verdict = Judge(record);
+    return BasisOfRecord(record, target, session.path.string());
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kJob) throw;
     if (request.angle == 0) {
@@ -142,9 +155,7 @@ SuggestedViews BasisOfLens(const SuggestRequest& request) {
         "suggest: give session.yaml or the folder of a calibration; before the first image "
         "--target, --size and --angle");
   }
-  const bool is_file = std::filesystem::exists(request.target);
-  const Target target =
-      is_file ? ReadTarget(std::filesystem::path(request.target)) : TargetOfWord(request.target);
+  const Target target = ReadTarget(TargetNamed(request.target));
   return {MakeFirstRigEstimate({{.name = "camera",
                      .model = ModelNamed("--model", request.model),
                      .image_size = *request.size,
@@ -165,14 +176,23 @@ std::filesystem::path FolderOf(const std::filesystem::path& input) {
 SuggestedViews BasisOf(const SuggestRequest& request, const Run& run) {
   if (request.input.empty()) return BasisOfLens(request);
   const std::filesystem::path folder = FolderOf(request.input);
-  return folder.empty() ? BasisOfSession(request, run) : BasisOfCalibration(folder, request.angle);
+  return folder.empty() ? BasisOfSession(OpenSession(request.input), request, run)
+                        : BasisOfCalibration(folder, request.angle);
 }
 
-}  // namespace
+void CheckNumbers(const SuggestRequest& request) {
+  constexpr double kFar = 1e6;  // m
+  RequireWithin("angle", request.angle, 0, 300);
+  RequireWithin("count", request.count, 1, 100);
+  RequireWithin("near", request.nearest, 0, kFar);
+  RequireWithin("far", request.farthest, 0, kFar);
+  RequireWithin("tilt", request.tilt, 0, 75);
+  RequireWithin("goal", request.goal, 0, kFar);
+}
 
-SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
-  const RunScope inputs;
-  SuggestedViews suggested = BasisOf(request, run);
+SuggestedViews ChooseViews(SuggestedViews suggested,
+                           const SuggestRequest& request,
+                           const Run& run) {
   run.Progress("views");
   suggested.views = ChooseNextViews(suggested.rig,
                                     suggested.shape,
@@ -184,9 +204,37 @@ SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
   return suggested;
 }
 
+}  // namespace
+
+SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
+  const RunScope inputs;
+  CheckNumbers(request);
+  return ChooseViews(BasisOf(request, run), request, run);
+}
+
+SuggestedViews SuggestViews(const Session& session, const SuggestRequest& request, const Run& run) {
+  const RunScope inputs;
+  CheckNumbers(request);
+  return ChooseViews(BasisOfSession(WithUsualModels(session), request, run), request, run);
+}
+
+SuggestedViews SuggestViews(const CalibrationRecord& calibration,
+                            const Target& target,
+                            const SuggestRequest& request,
+                            const Run& run) {
+  const RunScope inputs;
+  CheckNumbers(request);
+  Target placed = target;
+  for (const auto& [number, marker] : calibration.markers) placed.markers[number] = marker.position;
+  return ChooseViews(request.angle > 0 ? BasisOfImages(calibration, placed, request.angle)
+                                       : BasisOfRecord(calibration, placed, "session.yaml"),
+                     request,
+                     run);
+}
+
 PictureGain EvaluatePictures(const std::filesystem::path& calibration,
-                             const std::map<std::string, FrameImage>& pictures,
-                             const Run& run) {
+                           const std::map<std::string, FrameImage>& pictures,
+                           const Run& run) {
   const RunScope inputs;
   const std::filesystem::path folder = FolderOf(calibration);
   if (folder.empty()) {

@@ -10,6 +10,8 @@
 
 #include "assess/views/next_views.h"
 #include "calib/base/run.h"
+#include "calib/files/calibration_record.h"
+#include "calib/files/session.h"
 #include "engine/session/session_options.h"
 #include "engine/suggest/picture_gain.h"
 
@@ -42,6 +44,13 @@ struct SuggestedViews {
 /// Throws `Error`: of kind kJob where the images determine no calibration and no angle is given;
 /// and `Stopped`.
 SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run);
+/// The same of a session, or of a calibration with the target that it was made with, in place of
+/// `input`.
+SuggestedViews SuggestViews(const Session& session, const SuggestRequest& request, const Run& run);
+SuggestedViews SuggestViews(const CalibrationRecord& calibration,
+                            const Target& target,
+                            const SuggestRequest& request,
+                            const Run& run);
 
 /// Gain of a calibration by pictures taken at once (its folder, or calibration.yaml). `pictures`:
 /// by camera; empty: the only one. Throws `Error` of kind kInput as `PictureGainEvaluator`.

@@ -6,11 +6,13 @@
 #include <algorithm>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_limits.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
+#include "engine/observe/auto_model.h"
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
 #include "engine/session/open_session.h"
@@ -174,10 +176,12 @@ void WriteTrial(const SessionTrial& trial,
 
 }  // namespace
 
-SessionTrial TrySession(const Session& session, const TryRequest& request, const Run& run) {
+SessionTrial TrySession(const Session& given, const TryRequest& request, const Run& run) {
   const RunScope inputs;
   SessionTrial trial;
-  trial.session = session;
+  RequireWithin("folds", request.folds, 2, 1000);
+  trial.session = WithUsualModels(given);
+  const Session& session = trial.session;
   RefuseSeveralTargets(session, "try");
   const auto provenance = ProvenanceOf(request.command, session, request.out);
   const Target target = ReadTarget(session.target);

@@ -145,7 +145,7 @@ std::string Text(std::string content, const fs::path& path) {
 
 }  // namespace
 
-RunScope::RunScope() {
+RunScope::RunScope(void* owner) : owner_(owner) {
   if (run_of_thread != nullptr) return;
   inputs_ = std::make_unique<Inputs>();
   run_of_thread = this;
@@ -156,6 +156,8 @@ RunScope::~RunScope() {
 }
 
 RunScope* RunScope::Current() { return static_cast<RunScope*>(run_of_thread); }
+
+void* RunScope::Owner() { return Current() != nullptr ? Current()->owner_ : nullptr; }
 
 std::string ReadInput(const fs::path& path, InputLimit limit) {
   return ReadFileAt(path, limit, true);
@@ -182,6 +184,12 @@ int OpenInput(const fs::path& path) { return OpenChecked(path, true).file.Releas
 
 std::string ReadEarlierResult(const fs::path& path) {
   return ReadFileAt(path, InputLimit::kTable, false);
+}
+
+void UseAsInput(const fs::path& path) {
+  RunScope* const run = RunScope::Current();
+  struct stat status {};
+  if (run != nullptr && stat(path.c_str(), &status) == 0) run->inputs().Add(status, path);
 }
 
 std::optional<fs::path> InputAt(const fs::path& path) {

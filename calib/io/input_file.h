@@ -18,17 +18,21 @@ class RunScope {
  public:
   class Inputs;
 
-  RunScope();
+  /// `owner`: of whoever began the run, for `Owner`.
+  explicit RunScope(void* owner = nullptr);
   ~RunScope();
   RunScope(const RunScope&) = delete;
   RunScope& operator=(const RunScope&) = delete;
 
   /// The run of this thread; null: none.
   static RunScope* Current();
+  /// That of this thread's run; null: it has none.
+  static void* Owner();
   Inputs& inputs() { return *inputs_; }
 
  private:
   std::unique_ptr<Inputs> inputs_;  // null: a part of another run
+  void* owner_;
 };
 
 /// Largest size of a file, in bytes: no file that people use comes near, and one named by mistake
@@ -60,6 +64,9 @@ int OpenInput(const std::filesystem::path& path);
 
 /// Like `ReadInput` for a result of an earlier run, which this run may replace.
 std::string ReadEarlierResult(const std::filesystem::path& path);
+
+/// Makes a file that was read before this run, if it is there, an input of it.
+void UseAsInput(const std::filesystem::path& path);
 
 /// True when there is a file or folder; false where the path cannot be one's, such as a name that
 /// is too long.

@@ -37,15 +37,17 @@ std::vector<Parameter> Camera::parameters() const {
   return parameters;
 }
 
-std::array<double, 16> Camera::T_camera_rig() const {
+std::array<double, 16> MatrixOf(const RigidTransform& transform) {
   using RowMajor = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
   std::array<double, 16> values{};
   Eigen::Map<RowMajor> matrix(values.data());
   matrix.setIdentity();
-  matrix.topLeftCorner<3, 3>() = data_->camera.T_camera_rig.R;
-  matrix.topRightCorner<3, 1>() = data_->camera.T_camera_rig.t;
+  matrix.topLeftCorner<3, 3>() = transform.R;
+  matrix.topRightCorner<3, 1>() = transform.t;
   return values;
 }
+
+std::array<double, 16> Camera::T_camera_rig() const { return MatrixOf(data_->camera.T_camera_rig); }
 
 std::optional<std::array<double, 2>> Camera::Project(const std::array<double, 3>& p_camera) const {
   const CalibratedCamera& camera = data_->camera;

@@ -106,14 +106,6 @@ CalibrationRecord ReadForFormat(const ExportRequest& request, const CameraFormat
   if (has_poses && (format.write_views != nullptr || IsModel(request, format))) {
     return OpenCalibrationFolder(folder.empty() ? "." : folder);
   }
-  if (IsModel(request, format)) {
-    throw InputError(
-        "{}: has no poses.csv of 'plenocal calibrate' beside it, which a folder "
-        "of {} needs; for the cameras alone give -o {}",
-        file.string(),
-        format.name,
-        format.file);
-  }
   return OpenCalibration(file);
 }
 
@@ -121,6 +113,15 @@ CalibrationRecord ReadForFormat(const ExportRequest& request, const CameraFormat
 
 std::vector<std::filesystem::path> ExportCalibration(const ExportRequest& request, const Run& run) {
   const RunScope inputs;
+  const CameraFormat& format = FindFormat(request.format, request.out);
+  return ExportCalibration(ReadForFormat(request, format), request, run);
+}
+
+std::vector<std::filesystem::path> ExportCalibration(const CalibrationRecord& calibration,
+                                                     const ExportRequest& request,
+                                                     const Run& run) {
+  const RunScope inputs;
+  UseAsInput(calibration.path);
   const CameraFormat& format = FindFormat(request.format, request.out);
   std::optional<ResponseCurve> response;
   if (!request.response.empty()) {
@@ -130,9 +131,16 @@ std::vector<std::filesystem::path> ExportCalibration(const ExportRequest& reques
     response = ReadResponse(request.response);
   }
   const bool is_model = IsModel(request, format);
-  const CalibrationRecord calibration = ReadForFormat(request, format);
+  if (is_model && calibration.frames.empty()) {
+    throw InputError(
+        "{}: has no poses.csv of 'plenocal calibrate' beside it, which a folder "
+        "of {} needs; for the cameras alone give -o {}",
+        calibration.path.string(),
+        format.name,
+        format.file);
+  }
   const std::vector<CalibratedCamera> cameras = ChosenCameras(calibration, request.cameras);
-  RefuseTooMany(cameras, format, request.calibration);
+  RefuseTooMany(cameras, format, calibration.path);
   if (cameras.size() > 1 && !format.holds_extrinsics && format.write_views == nullptr &&
       !is_model) {
     run.Message(fmt::format(

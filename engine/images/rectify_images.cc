@@ -124,11 +124,12 @@ std::string RectificationText(const RectifiedPair& pair) {
 }
 
 /// How well the rectified views fit the calibration's own detections.
-EpipolarCheck CheckEpipolar(const RectifyRequest& request,
+EpipolarCheck CheckEpipolar(const CalibrationRecord& calibration,
+                            const RectifyRequest& request,
                             const RectifiedPair& pair,
                             const Cameras& cameras) {
   const fs::path folder =
-      request.detections.empty() ? request.calibration.parent_path() : request.detections;
+      request.detections.empty() ? calibration.path.parent_path() : request.detections;
   EpipolarCheck check;
   std::array<std::vector<View>, 2> views;
   for (size_t c = 0; c < 2; ++c) {
@@ -160,7 +161,14 @@ void WritePreviews(const StereoImages& images, const Encoded& encoded, OutputFol
 
 RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run) {
   const RunScope inputs;
-  const CalibrationRecord calibration = OpenCalibration(request.calibration);
+  return RectifyImages(OpenCalibration(request.calibration), request, run);
+}
+
+RectifiedImages RectifyImages(const CalibrationRecord& calibration,
+                              const RectifyRequest& request,
+                              const Run& run) {
+  const RunScope inputs;
+  UseAsInput(calibration.path);
   const Cameras cameras = ChooseCameras(calibration, request.cameras);
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   const StereoImages images = KeepPairs(FindImages(request, cameras), run);
@@ -196,11 +204,11 @@ RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run) {
   out.Write("calibration.yaml",
             GivenCamerasYaml(made.pair.views,
                              {{"plenocal_version", PLENOCAL_VERSION},
-                              {"rectified_from", request.calibration.string()}}));
+                              {"rectified_from", calibration.path.string()}}));
   out.Write("rectification.yaml", RectificationText(made.pair));
   WritePreviews(images, encoded, &out);
   out.Commit();
-  made.epipolar = CheckEpipolar(request, made.pair, cameras);
+  made.epipolar = CheckEpipolar(calibration, request, made.pair, cameras);
   return made;
 }
 

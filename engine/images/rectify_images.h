@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/run.h"
+#include "calib/files/calibration_record.h"
 #include "engine/images/image_folder.h"
 #include "engine/resample/pinhole_view.h"
 #include "engine/resample/rectify.h"
@@ -16,7 +17,7 @@
 namespace plenocal {
 
 struct RectifyRequest {
-  std::filesystem::path calibration;  ///< calibration.yaml
+  std::filesystem::path calibration;  ///< calibration.yaml, where none is given as a record
   std::string left, right;            ///< images, each a folder, glob or file; empty: none
   std::filesystem::path session;      ///< session.yaml that lists the images; empty: none
   std::vector<std::string> cameras;   ///< two names; empty: the calibration's two
@@ -45,5 +46,8 @@ struct RectifiedImages {
 /// Writes <camera>/<frame>.png, calibration.yaml and rectification.yaml into `out`. Throws `Error`,
 /// and `Stopped`.
 RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run);
+RectifiedImages RectifyImages(const CalibrationRecord& calibration,
+                              const RectifyRequest& request,
+                              const Run& run);
 
 }  // namespace plenocal

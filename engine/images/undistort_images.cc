@@ -36,7 +36,7 @@ UndistortedImages Finish(const UndistortJob& job,
   out->Write("calibration.yaml",
              GivenCamerasYaml(std::array{view},
                               {{"plenocal_version", PLENOCAL_VERSION},
-                               {"undistorted_from", job.request.calibration.string()}}));
+                               {"undistorted_from", job.calibration.path.string()}}));
   out->Commit();
   return {view, count};
 }
@@ -158,7 +158,14 @@ UndistortedImages UndistortPlenoptic(const UndistortJob& job) {
 
 UndistortedImages UndistortImages(const UndistortRequest& request, const Run& run) {
   const RunScope inputs;
-  const CalibrationRecord calibration = OpenCalibration(request.calibration);
+  return UndistortImages(OpenCalibration(request.calibration), request, run);
+}
+
+UndistortedImages UndistortImages(const CalibrationRecord& calibration,
+                                  const UndistortRequest& request,
+                                  const Run& run) {
+  const RunScope inputs;
+  UseAsInput(calibration.path);
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
   const UndistortJob job{
       request, run, calibration, camera, FindImageInputs(request.images, "images")};

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "calib/base/run.h"
+#include "calib/files/calibration_record.h"
 #include "engine/images/image_folder.h"
 #include "engine/resample/pinhole_view.h"
 
 namespace plenocal {
 
 struct UndistortRequest {
-  std::filesystem::path calibration;  ///< calibration.yaml
+  std::filesystem::path calibration;  ///< calibration.yaml, where none is given as a record
   std::string camera;                 ///< empty: the only one
   std::vector<std::string> images;    ///< folders, globs and files
   ViewOptions view;
@@ -31,5 +32,8 @@ struct UndistortedImages {
 /// Writes <frame>.png (of a plenoptic camera depth as well) and calibration.yaml into `out`. Throws
 /// `Error`, and `Stopped`.
 UndistortedImages UndistortImages(const UndistortRequest& request, const Run& run);
+UndistortedImages UndistortImages(const CalibrationRecord& calibration,
+                                  const UndistortRequest& request,
+                                  const Run& run);
 
 }  // namespace plenocal

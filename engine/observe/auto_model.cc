@@ -127,6 +127,13 @@ class Chooser {
 
 const CameraModel& UsualModel() { return *FindModel(CameraModels(), kUsual); }
 
+Session WithUsualModels(Session session) {
+  for (SessionCamera& camera : session.cameras) {
+    if (camera.model == nullptr) UseModel(UsualModel(), &camera);
+  }
+  return session;
+}
+
 ImageChoice ChooseByHeldOutFrames(const CameraModel* model,
                                   const Target& target,
                                   const SessionObservations& observations,

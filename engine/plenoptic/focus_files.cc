@@ -5,16 +5,17 @@
 
 #include <optional>
 
+#include "calib/base/number_limits.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
-#include "detectors/plenoptic/focus_images.h"
 #include "engine/images/image_folder.h"
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
 
-void FocusImages(const FocusFilesRequest& request, const Run& run) {
+std::vector<FocusResult> FocusImages(const FocusFilesRequest& request, const Run& run) {
   const RunScope inputs;
+  RequireWithin("scale", request.scale, 0.5, 16);
   FocusRequest focus;
   focus.raw_images = FindImageInputs(request.raw, "raw images");
   focus.camera = FindPlenopticSource(request.camera);
@@ -29,7 +30,8 @@ void FocusImages(const FocusFilesRequest& request, const Run& run) {
     return many ? request.out / frame : request.out;
   };
   CheckImageNames(focus.raw_images, "");
-  OutputFolder out(request.out);
+  const auto out = OpenOutput(request.out);
+  std::vector<FocusResult> focused;
   focus.message = [&](const std::string& line) { run.Message(line); };
   std::string place;  // "2 of 7"
   focus.progress = [&](size_t done) {
@@ -38,14 +40,18 @@ void FocusImages(const FocusFilesRequest& request, const Run& run) {
   };
   focus.result =
       [&](const std::string& frame, const FrameFiles& files, const std::string& summary) {
-        std::optional<OutputFolder> own;
-        if (many) own.emplace(folder(frame));
-        OutputFolder& to = many ? *own : out;
-        for (const auto& [name, content] : files) to.Write(name, content);
-        to.Commit();
+        focused.push_back({frame, out ? FrameFiles() : files, summary});
+        if (out) {
+          std::optional<OutputFolder> own;
+          if (many) own.emplace(folder(frame));
+          OutputFolder& to = many ? *own : *out;
+          for (const auto& [name, content] : files) to.Write(name, content);
+          to.Commit();
+        }
         run.Message(fmt::format("image {}, {}: {}", place, frame, summary));
       };
   FocusImages(focus);
+  return focused;
 }
 
 }  // namespace plenocal

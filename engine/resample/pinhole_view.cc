@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_limits.h"
 #include "calib/camera/rays.h"
 #include "models/registry.h"
 
@@ -176,6 +177,8 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
 }
 
 CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOptions& options) {
+  if (options.fov) RequireWithin("fov", *options.fov, 1, 175);
+  if (options.balance) RequireWithin("balance", *options.balance, 0, 1);
   const ImageSize size = options.size.value_or(images[0].size);
   const Intrinsics chosen = Choose(images, size, options);
   CalibratedCamera view;

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/remap.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <array>
 #include <opencv2/imgproc.hpp>
+
+#include "calib/base/format_error.h"
 
 namespace plenocal {
 namespace {
@@ -18,6 +22,11 @@ static_assert(kFlags.size() == kInterpolations.size());
 Remap::Remap(const PixelMap& map, const std::string& interpolation)
     : mask_(map.size[1], map.size[0], CV_8U) {
   const auto name = std::find(kInterpolations.begin(), kInterpolations.end(), interpolation);
+  if (name == kInterpolations.end()) {
+    throw InputError("interpolation: expected one of {}, found '{}'",
+                     fmt::join(kInterpolations, ", "),
+                     interpolation);
+  }
   interpolation_ = kFlags.at(static_cast<size_t>(name - kInterpolations.begin()));
   const auto plane = [&](const std::vector<float>& values) {
     return cv::Mat(values, false).reshape(1, map.size[1]);

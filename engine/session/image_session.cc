@@ -10,6 +10,7 @@
 #include "engine/recording/find_cameras.h"
 #include "engine/recording/image_names.h"
 #include "engine/session/proposal_text.h"
+#include "engine/session/session_targets.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -18,18 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kMark = "# Written by 'plenocal calibrate' from images";
-
-TargetSource SourceOf(const std::string& target) {
-  if (IsThere(target)) return {.file = target, .keys = std::nullopt};
-  if (target.find(':') != std::string::npos) {
-    const std::string yaml = TargetOfWord(target).nominal_yaml;
-    return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
-  }
-  throw InputError(
-      "--target {}: no such file; give target.yaml, or a target in one word "
-      "such as chessboard:9x6:25mm",
-      target);
-}
 
 void CheckReplaceable(const fs::path& session) {
   CompleteResults(session);
@@ -75,9 +64,9 @@ ImageSession::ImageSession(const ImageArguments& arguments, const fs::path& out,
   }
   ShareFrames(names, &images);
   for (size_t c = 0; c < names.size(); ++c) cameras_.push_back({names[c], images[c]});
-  CheckReplaceable(out / kSessionName);
+  if (!out.empty()) CheckReplaceable(out / kSessionName);
   if (arguments.target.empty()) FailWithProposal(names, images, run);
-  source_ = SourceOf(arguments.target);
+  source_ = TargetNamed(arguments.target);
   target_ = ReadTarget(source_);
   target_text_ = source_.Text();
 }

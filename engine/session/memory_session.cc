@@ -74,25 +74,25 @@ class PixelStore : public ImageStore {
   std::vector<PixelView> views_;
 };
 
-std::vector<FrameImage> ImagesOf(const MemoryCamera& camera) {
+}  // namespace
+
+std::vector<FrameImage> ImagesInMemory(const std::string& camera, const MemoryImages& images) {
   std::vector<PixelView> views;
-  std::vector<FrameImage> images;
+  std::vector<FrameImage> listed;
   std::set<std::string> frames;
-  for (const auto& [frame, view] : camera.images) {
-    const std::string where = fmt::format("{}: frame {}", camera.name, frame);
+  for (const auto& [frame, view] : images) {
+    const std::string where = fmt::format("{}: frame {}", camera, frame);
     CheckPixels(where, view);
     if (!frames.insert(frame).second) {
       throw InputError("{} is given twice", where);
     }
-    images.push_back({.frame = frame, .path = where, .index = views.size()});
+    listed.push_back({.frame = frame, .path = where, .index = views.size()});
     views.push_back(view);
   }
   const auto store = std::make_shared<PixelStore>(std::move(views));
-  for (FrameImage& image : images) image.store = store;
-  return images;
+  for (FrameImage& image : listed) image.store = store;
+  return listed;
 }
-
-}  // namespace
 
 Session SessionInMemory(const std::string& target, const std::vector<MemoryCamera>& cameras) {
   Session session;
@@ -111,7 +111,7 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     }
     SessionCamera& own = session.cameras.emplace_back();
     own.name = camera.name;
-    own.given_images = ImagesOf(camera);
+    own.given_images = ImagesInMemory(camera.name, camera.images);
     own.given_views = camera.views;
     own.image_size = camera.image_size;
     if (camera.model != nullptr) UseModel(*camera.model, &own);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/files/frame_images.h"
 #include "calib/files/session.h"
 #include "targets/target.h"
 
@@ -22,11 +23,14 @@ struct PixelView {
   int bytes_per_value = 1;  ///< 1 or 2; of two the machine's order
 };
 
-/// One camera: images of named frames, or points measured in them.
+/// Images of named frames.
+using MemoryImages = std::vector<std::pair<std::string, PixelView>>;
+
+/// One camera: images, or points measured in them.
 struct MemoryCamera {
   std::string name;
   const CameraModel* model = nullptr;  ///< null: to be chosen by `CalibrateSession`
-  std::vector<std::pair<std::string, PixelView>> images = {};
+  MemoryImages images = {};
   std::vector<View> views = {};
   ImageSize image_size{};  ///< of points, px
 };
@@ -35,5 +39,8 @@ struct MemoryCamera {
 /// memory that are none (size, stride, channels, bytes), names that occur twice, and cameras
 /// without images and points.
 Session SessionInMemory(const std::string& target, const std::vector<MemoryCamera>& cameras);
+
+/// The images of one camera. Throws `Error` likewise.
+std::vector<FrameImage> ImagesInMemory(const std::string& camera, const MemoryImages& images);
 
 }  // namespace plenocal

@@ -10,6 +10,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/camera/marker_id.h"
+#include "calib/io/input_file.h"
 #include "engine/session/look_alikes.h"
 
 namespace plenocal {
@@ -35,6 +36,21 @@ std::optional<double> LargestTolerance(const std::vector<Target>& targets) {
 }
 
 }  // namespace
+
+TargetSource TargetNamed(const std::string& target) {
+  if (IsThere(target)) return {.file = target, .keys = std::nullopt};
+  if (target.find('\n') != std::string::npos) {
+    return {.file = {}, .keys = YamlNode::Parse(target, "target")};
+  }
+  if (target.find(':') != std::string::npos) {
+    const std::string yaml = TargetOfWord(target).nominal_yaml;
+    return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
+  }
+  throw InputError(
+      "--target {}: no such file; give target.yaml, or a target in one word "
+      "such as chessboard:9x6:25mm",
+      target);
+}
 
 SessionTargets ReadSessionTargets(const Session& session) {
   SessionTargets targets;

@@ -3,6 +3,7 @@
 // The targets of a session, one or several.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "calib/estimate/calibrate.h"
@@ -21,6 +22,9 @@ struct SessionTargets {
   /// Pairs of targets that only their mutual pose distinguishes.
   std::vector<IdenticalBoards> identical_boards;
 };
+
+/// A target in one word, a file, or the text of one. Throws `Error` of kind kInput.
+TargetSource TargetNamed(const std::string& target);
 
 /// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
 /// targets that no image distinguishes.

@@ -22,19 +22,16 @@ from .commands import (
     check,
     compare,
     detect_session,
-    focus,
     locate,
-    rectify,
-    rectify_maps,
-    run,
     simulate,
     suggest,
     try_models,
-    undistort_maps,
-    white,
+    weigh,
 )
 from .errors import Error, GradeError, InputError, JobError
+from .images import Focused, Rectified, White, focus, rectify, rectify_maps, undistort, undistort_maps, white
 from .model import INTRINSICS, CameraModel, Param, register
+from .program import run
 from .session import Session
 from .target import Target, detect
 
@@ -54,7 +51,7 @@ def models() -> list[str]:
 
 
 def model_info(name: str) -> dict[str, Any]:
-    """Of a camera model: source, params (name, unit, lower, upper, scale), measured, context,
+    """Of the camera model of this name: source, params (name, unit, lower, upper, scale), measured, context,
     example, example_config, example_size, central, plenoptic. Raises `InputError`."""
     info = _core.model_info(name)
     if not info:
@@ -63,13 +60,14 @@ def model_info(name: str) -> dict[str, Any]:
 
 
 def check_model(name: str) -> str:
-    """Whether a model's projection, inverse and derivatives agree (`plenocal models check`): a line
-    "holds" or "VIOLATED" for each property. Raises `InputError`."""
+    """Whether projection, inverse and derivatives of the camera model of this name agree (`plenocal
+    models check`): a line "holds" or "VIOLATED" for each property. Raises `InputError`."""
     return _core.check_model(name)
 
 
 def load_plugin(path: PathLike) -> None:
-    """Adds the camera models of a shared library (docs/new_model.md). Raises `InputError`."""
+    """Adds the camera models of the shared library at this path (docs/new_model.md). Raises
+    `InputError`."""
     _core.load_plugin(os.fspath(path))
 
 
@@ -81,14 +79,17 @@ __all__ = [
     "Conversion",
     "Difference",
     "Error",
+    "Focused",
     "GradeError",
     "InputError",
     "JobError",
     "Param",
     "Projection",
     "Rays",
+    "Rectified",
     "Session",
     "Target",
+    "White",
     "calibrate",
     "check",
     "check_model",
@@ -107,6 +108,8 @@ __all__ = [
     "simulate",
     "suggest",
     "try_models",
+    "undistort",
     "undistort_maps",
+    "weigh",
     "white",
 ]

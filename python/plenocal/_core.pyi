@@ -1,55 +1,168 @@
 # SPDX-License-Identifier: Apache-2.0
 # The extension module (python/src). Its arguments are checked by the package's Python files.
-from typing import Any, Callable, Sequence
+from os import PathLike
+from typing import Any, Callable, Mapping, Sequence
 
 from .arrays import FloatArray
 
 __version__: str
 
-Callbacks = Callable[[str], object] | None
-Message = Callable[[str, bool], None]
-Options = tuple[str, bool, bool, Sequence[str]]
+# Number of threads, progress, message.
+Caller = tuple[int, Callable[[str], object] | None, Callable[[str, bool], None]]
+Size = tuple[int, int] | None
+
+class SessionOptions:
+    def __init__(self) -> None: ...
+    out: str
+    keep: bool
+    exclude: Sequence[str]
+    frames: int
+    all: bool
+    fresh: bool
+
+class ImageArguments:
+    images: Sequence[str]
+    cameras: Sequence[str]
+    target: str
+
+class CalibrateRequest(SessionOptions):
+    session: Session | None
+    images: ImageArguments
+    model: str
+    jackknife: bool
+
+class TryRequest(SessionOptions):
+    models: Sequence[str]
+    camera: str
+    folds: int
+
+class CheckRequest(SessionOptions):
+    map: Sequence[str]
+    distances: Sequence[float]
+
+class SuggestRequest(SessionOptions):
+    input: str
+    model: str
+    target: str
+    size: Size
+    angle: float
+    count: int
+    near: float
+    far: float
+    tilt: float
+    goal: float
+
+class LocateRequest:
+    def __init__(self) -> None: ...
+    map: str
+    target: Target | None
+    images: Sequence[str]
+    camera: str
+    white: Sequence[str]
+    out: str
+
+class WhiteRequest:
+    def __init__(self) -> None: ...
+    inputs: Sequence[str]
+    model: str
+    camera: str
+    grid: str | None
+    out: str
+    def set_bayer(self, name: str) -> None: ...
+
+class PlenopticInputs:
+    white: Sequence[str]
+    grid: str
+    vignetting: str
+    def set_bayer(self, name: str) -> None: ...
+
+class FocusRequest:
+    def __init__(self) -> None: ...
+    raw: Sequence[str]
+    camera: PlenopticInputs
+    markers: str
+    scale: float
+    out: str
+
+class ViewOptions:
+    def __init__(self) -> None: ...
+    size: Size
+    fov: float | None
+    balance: float | None
+
+class ResampleSettings:
+    interpolation: str
+    keep_vignetting: bool
+    def set_bayer(self, name: str) -> None: ...
+
+class RectifyRequest:
+    def __init__(self) -> None: ...
+    left: str
+    right: str
+    cameras: Sequence[str]
+    view: ViewOptions
+    settings: ResampleSettings
+    maps: bool
+    preview: bool
+    out: str
+
+class UndistortRequest:
+    def __init__(self) -> None: ...
+    camera: str
+    images: Sequence[str]
+    view: ViewOptions
+    settings: ResampleSettings
+    out: str
+
+class ExportRequest:
+    def __init__(self) -> None: ...
+    format: str
+    cameras: Sequence[str]
+    response: str
+    out: str
+
+Frames = Sequence[tuple[str, Any]]
+
+Points = Sequence[tuple[str, Sequence[int], FloatArray]]
 
 def session_of_arrays(
-    target: str,
-    cameras: Sequence[
-        tuple[
-            str,
-            str,
-            Sequence[int],
-            Sequence[tuple[str, Any]],
-            Sequence[tuple[str, Sequence[int], FloatArray]],
-        ]
-    ],
+    target: str, cameras: Sequence[tuple[str, str, Sequence[int], Frames, Points]]
 ) -> Session: ...
-def calibrate(
-    session: Session | None,
-    images: Sequence[str],
-    target: str,
-    model: str,
-    jackknife: bool,
-    report: bool,
-    options: Options,
-    threads: int,
-    progress: Callbacks,
-    message: Message,
-) -> tuple[Record, str]: ...
+def calibrate(request: CalibrateRequest, report: bool, caller: Caller) -> tuple[Record, str]: ...
 def detect_session(
-    session: Session, options: Options, threads: int, progress: Callbacks, message: Message
-) -> list[tuple[str, int]]: ...
-def try_models(
-    session: Session,
-    models: Sequence[str],
-    camera: str,
-    folds: int,
-    options: Options,
-    threads: int,
-    progress: Callbacks,
-    message: Message,
+    session: Session, options: SessionOptions, caller: Caller
+) -> dict[str, dict[str, Any]]: ...
+def try_models(session: Session, request: TryRequest, caller: Caller) -> str: ...
+def check(calibration: Record, session: Session, request: CheckRequest, caller: Caller) -> str: ...
+def compare(
+    a: Record,
+    b: Record,
+    map: Sequence[str],
+    distances: Sequence[float],
+    folder: str,
+    caller: Caller,
 ) -> str: ...
-def simulate(
-    specification: str, out: str, points: bool, threads: int, progress: Callbacks, message: Message
+def suggest(
+    request: SuggestRequest, picture: str, caller: Caller, *source: Session | Record
 ) -> str: ...
+def weigh(calibration: str, pictures: Mapping[str, str], caller: Caller) -> str: ...
+def locate(
+    calibration: Record, request: LocateRequest, images: Frames, caller: Caller
+) -> list[dict[str, Any]]: ...
+def simulate(specification: str, out: str, points: bool, caller: Caller) -> str: ...
+def white(
+    request: WhiteRequest, caller: Caller
+) -> list[tuple[str, Any, dict[str, Any] | None, dict[str, float] | None, str]]: ...
+def focus(request: FocusRequest, caller: Caller) -> list[tuple[str, Any, Any, Any, str]]: ...
+def rectify(
+    calibration: Record, request: RectifyRequest, caller: Caller
+) -> tuple[list[Camera], float, list[int], dict[str, float]]: ...
+def undistort(
+    calibration: Record, request: UndistortRequest, caller: Caller
+) -> tuple[Camera, int]: ...
+def export(
+    calibration: Record, request: ExportRequest, caller: Caller
+) -> list[PathLike[str]]: ...
 def check_model(name: str) -> str: ...
 def run_as_program(arguments: Sequence[str]) -> int: ...
 def load_plugin(path: str) -> None: ...
@@ -166,25 +279,13 @@ class Session:
 
 Detections = tuple[dict[str, Any], str, list[str]]
 
-def detect_8(image: Any, target: Target) -> Detections: ...
-def detect_16(image: Any, target: Target) -> Detections: ...
+def detect_array(image: Any, target: Target) -> Detections: ...
 def detect_file(path: str, target: Target) -> Detections: ...
-def detections_table(frames: Sequence[str], markers: Any, x_y_sigma: FloatArray) -> str: ...
+def detections_table(points: Points) -> str: ...
 
 Maps = tuple[Any, Any, Camera]
 
-def undistort_maps(
-    camera: Camera,
-    size: Sequence[int] | None,
-    fov: float | None,
-    balance: float | None,
-    threads: int,
-) -> Maps: ...
+def undistort_maps(camera: Camera, options: ViewOptions, threads: int) -> Maps: ...
 def rectify_maps(
-    first: Camera,
-    second: Camera,
-    size: Sequence[int] | None,
-    fov: float | None,
-    balance: float | None,
-    threads: int,
+    first: Camera, second: Camera, options: ViewOptions, threads: int
 ) -> tuple[Maps, Maps, float]: ...

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Mapping, Union
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Union
 
 from .errors import InputError
 
@@ -70,3 +70,40 @@ def table(columns: Mapping[str, Any]) -> Table:
     for name, array in arrays.items():
         records[name] = array
     return records
+
+
+def images_in_memory(images: Any) -> list[tuple[str, list[tuple[str, Any]]]]:
+    """Cameras with their frames, of arrays of images; empty of paths. One camera's is called "cam".
+
+    Raises `InputError` for arrays that are no images.
+    """
+    cameras = images if isinstance(images, Mapping) else {"cam": images}
+    found = []
+    for name, frames in cameras.items():
+        if isinstance(frames, (str, os.PathLike)):
+            return []
+        frames = [frames] if getattr(frames, "ndim", 0) == 2 else frames
+        named = list(frames.items() if isinstance(frames, Mapping) else _numbered(frames))
+        if any(isinstance(frame, (str, os.PathLike)) for _, frame in named):
+            return []
+        found.append((str(name), [(str(frame), _pixels(pixels, f"{name}: frame {frame}")) for frame, pixels in named]))
+    return found
+
+
+def _numbered(frames: Iterable[Any]) -> list[tuple[str, Any]]:
+    return [(f"{i:04}", frame) for i, frame in enumerate(frames)]
+
+
+def _pixels(pixels: Any, where: str) -> Any:
+    """An array whose rows lie in memory as those of an image, copied only if need be."""
+    import numpy as np
+
+    array = np.asarray(pixels)
+    shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
+    if not shape_fits or array.size == 0 or array.dtype not in (np.uint8, np.uint16):
+        raise InputError(
+            f"{where}: expected (H, W) or (H, W, 3), uint8 or uint16, found {array.dtype} of shape {array.shape}"
+        )
+    pixel = array.itemsize if array.ndim == 2 else 3 * array.itemsize
+    is_row = array.strides[1] == pixel and array.strides[-1] == array.itemsize
+    return array if is_row and array.strides[0] > 0 else np.ascontiguousarray(array)

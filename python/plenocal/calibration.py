@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from typing import TYPE_CHECKING, Any, Iterator, Sequence
 
 from . import _core
 from .arrays import table
 from .camera import Camera
 from .errors import InputError
+from .program import caller
 
 if TYPE_CHECKING:
     from .arrays import FloatArray, PathLike, Table
@@ -30,7 +30,7 @@ class Calibration:
     _native: _core.Record
 
     def __init__(self, path: PathLike) -> None:
-        """As `Calibration.load`."""
+        """As `Calibration.load` of this path."""
         self._set(_core.Record.load(os.fspath(path)))
 
     def _set(self, native: _core.Record) -> None:
@@ -47,8 +47,14 @@ class Calibration:
 
     @classmethod
     def load(cls, path: PathLike) -> Calibration:
-        """Reads a folder that `plenocal calibrate` wrote, or a calibration.yaml alone (without
-        frames, markers and residuals). Raises `InputError` with file, line and key."""
+        """Reads a calibration.
+
+        Args:
+            path: a folder that `plenocal calibrate` wrote, or a calibration.yaml (without frames, markers and
+                residuals).
+
+        Raises `InputError` with file, line and key.
+        """
         return cls(path)
 
     @classmethod
@@ -60,12 +66,12 @@ class Calibration:
         return cls._of(_core.Record.of_cameras([camera._native for camera in cameras]))
 
     def save(self, path: PathLike) -> None:
-        """Writes calibration.yaml (parameters and poses with all digits)."""
+        """Writes calibration.yaml, with all digits of parameters and poses, to this path."""
         self._native.save(os.fspath(path))
 
     @property
     def path(self) -> str:
-        """The file that was read, or will have been."""
+        """The calibration.yaml that was read; empty: it is in memory."""
         return self._native.path
 
     @property
@@ -105,9 +111,9 @@ class Calibration:
         return table(self._native.markers())
 
     def residuals(self, camera: str | int = 0) -> Table:
-        """A row an observation: frame, marker, measured coordinates and context (px), residual_x,
-        residual_y (measured minus predicted, px; NaN outside the model's domain), noise_sigma (px)
-        and used (false: rejected). pandas.DataFrame takes it as it is."""
+        """A row an observation of a camera (its name or place): frame, marker, measured coordinates and
+        context (px), residual_x, residual_y (measured minus predicted, px; NaN outside the model's
+        domain), noise_sigma (px) and used (false: rejected). pandas.DataFrame takes it as it is."""
         index = [c.name for c in self._cameras].index(self[camera].name)
         columns = self._native.residuals(index)
         columns["used"] = columns["used"].astype(bool)
@@ -129,48 +135,50 @@ class Calibration:
         return self._native.provenance
 
     def report(self, path: PathLike) -> None:
-        """Writes the report, one HTML page that needs no network. Needs a whole folder."""
+        """Writes the report to this path, one HTML page that needs no network. Needs a whole folder."""
         page = self._native.report()
         with open(path, "w", encoding="utf-8") as file:
             file.write(page)
 
     def export(
-        self, path: PathLike, format: str, *, cameras: Sequence[str] = ()
-    ) -> str:
-        """Writes another tool's file (`plenocal export`; docs/exchange.md lists the formats).
+        self, path: PathLike, format: str, *, cameras: Sequence[str] = (), response: PathLike = ""
+    ) -> list[str]:
+        """Writes another tool's file (`plenocal export`).
 
-        Returns what the command prints. Raises `JobError` for what the format cannot hold.
+        Args:
+            path: the file; of formats with one file a camera several become FILE_<camera>. Of "colmap" a folder without
+                extension takes poses and points as well.
+            format: name of the other tool (docs/exchange.md).
+            cameras: names of the cameras, in this order; empty: all.
+            response: pcalib.txt, for formats that hold a vignetting; empty: none.
+
+        Returns the files written. Raises `InputError` or `JobError` for what the format cannot hold.
         """
-        from .commands import run
+        request = _core.ExportRequest()
+        request.format = format
+        request.cameras = list(cameras)
+        request.response = os.fspath(response)
+        request.out = os.fspath(path)
+        return [str(file) for file in _core.export(self._native, request, caller(0, None))]
 
-        arguments = ["--format", format, "-o", os.fspath(path)]
-        for name in cameras:
-            arguments += ["--camera", name]
-        if os.path.exists(self.path):
-            return run(["export", self.path, *arguments])
-        with tempfile.TemporaryDirectory() as folder:
-            file = os.path.join(folder, "calibration.yaml")
-            self.save(file)
-            return run(["export", file, *arguments])
-
-    def to_opencv(self, path: PathLike) -> str:
-        """Writes a cv::FileStorage (.yml, .xml or .json)."""
+    def to_opencv(self, path: PathLike) -> list[str]:
+        """Writes a cv::FileStorage (path: .yml, .xml or .json)."""
         return self.export(path, "opencv")
 
-    def to_ros(self, path: PathLike, camera: str = "") -> str:
-        """Writes camera_info of one camera."""
+    def to_ros(self, path: PathLike, camera: str = "") -> list[str]:
+        """Writes camera_info of one camera (its name; empty: the only one) to this path."""
         return self.export(path, "ros", cameras=[camera] if camera else [])
 
-    def to_kalibr(self, path: PathLike) -> str:
-        """Writes camchain.yaml."""
+    def to_kalibr(self, path: PathLike) -> list[str]:
+        """Writes camchain.yaml to this path."""
         return self.export(path, "kalibr")
 
-    def to_mrcal(self, path: PathLike) -> str:
-        """Writes a .cameramodel."""
+    def to_mrcal(self, path: PathLike) -> list[str]:
+        """Writes a .cameramodel to this path."""
         return self.export(path, "mrcal")
 
-    def to_colmap(self, path: PathLike) -> str:
-        """Writes cameras.txt."""
+    def to_colmap(self, path: PathLike) -> list[str]:
+        """Writes cameras.txt to this path."""
         return self.export(path, "colmap")
 
     def _repr_html_(self) -> str:

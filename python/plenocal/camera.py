@@ -82,11 +82,17 @@ class Camera:
         T_camera_rig: Any = None,
         covariance: Any = None,
     ) -> None:
-        """A camera of a model (`plenocal.models()`).
+        """A camera made from numbers.
 
-        image_size: width and height, px. params: the model's, in its order. config: what the model
-        needs beside them (pixel_size of a plenoptic camera). T_camera_rig: (4, 4), p_camera =
-        T_camera_rig p_rig; None: identity. covariance: (P, P) of params; None: zero.
+        Args:
+            model: name of the camera model (`plenocal.models()`).
+            image_size: width and height, px.
+            params: the model's parameters, in its order.
+            config: what the model needs beside them (pixel_size of a plenoptic camera, m).
+            name: name in the rig.
+            T_camera_rig: (4, 4), p_camera = T_camera_rig p_rig, m; None: identity.
+            covariance: (P, P) of params; None: zero.
+
         Raises `InputError`.
         """
         import numpy as np
@@ -179,46 +185,77 @@ class Camera:
         return self._native.fit
 
     def project(self, points: Any, context: Any = None) -> FloatArray:
-        """Image points (N, M), px, of points (N, 3) in the camera's frame, m.
+        """Image points (N, M), px; NaN where the model images nothing.
 
-        NaN where the model images nothing. context: (N, C), of a plenoptic camera the centres of the
-        micro images, px. Raises `InputError` for wrong shapes.
+        Args:
+            points: (N, 3), in the camera's frame, m.
+            context: (N, C), of a plenoptic camera the centres of the micro images, px; None: of an ordinary one.
+
+        Raises `InputError` for wrong shapes.
         """
         return self._native.project(floats(points, "points", 3), self._contexts(context, points))
 
     def unproject(self, pixels: Any, context: Any = None) -> FloatArray:
-        """Directions (N, 3), of length 1, of the rays through image points (N, M), px; NaN: none."""
+        """Directions (N, 3), of length 1, of the rays through image points; NaN: none.
+
+        Args:
+            pixels: image points (N, M), px.
+            context: as of `project`.
+        """
         return self.rays(pixels, context).directions
 
     def rays(self, pixels: Any, context: Any = None) -> Rays:
-        """The rays on which the points seen at (N, M), px, lie; NaN: none."""
+        """The rays on which seen points lie; NaN: none.
+
+        Args:
+            pixels: where they are seen, (N, M), px.
+            context: as of `project`.
+        """
         pixels = floats(pixels, "pixels", len(self.measured))
         return Rays(*self._native.rays(pixels, self._contexts(context, pixels)))
 
     def jacobian(self, points: Any, context: Any = None) -> Projection:
-        """`project` with derivatives by parameters and points."""
+        """`project` with derivatives by parameters and points.
+
+        Args:
+            points: (N, 3), in the camera's frame, m.
+            context: as of `project`.
+        """
         points = floats(points, "points", 3)
         return Projection(*self._native.jacobian(points, self._contexts(context, points)))
 
     def uncertainty(self, points: Any, context: Any = None) -> FloatArray:
-        """Covariances (N, M, M), px^2, of the projections of points (N, 3) that do not move.
+        """Covariances (N, M, M), px^2, of the projections of points that do not move.
 
         From the covariance of the parameters to first order; infinite where a parameter that was
         not determined has an effect. A motion of the camera's frame can compensate a part of it:
         `image_sigma` leaves that part out.
+
+        Args:
+            points: (N, 3), in the camera's frame, m.
+            context: as of `project`.
         """
         points = floats(points, "points", 3)
         return self._native.uncertainty(points, self._contexts(context, points))
 
     def image_sigma(self, distances: Sequence[float] = (1.0, float("inf"))) -> float:
-        """Standard error of the projection, px: RMS over the image and the distances, m, less the
-        part that a motion of the camera's frame compensates."""
+        """Standard error of the projection, px: RMS over the image and the distances, less the
+        part that a motion of the camera's frame compensates.
+
+        Args:
+            distances: of the scene, m, `inf` for far away.
+        """
         return self._native.image_sigma(_distances(distances))
 
     def compare(
         self, other: Camera, distances: Sequence[float] = (1.0, float("inf"))
     ) -> Difference:
-        """How far another calibration of this camera differs in the image (`plenocal compare`)."""
+        """How far another calibration of this camera differs in the image (`plenocal compare`).
+
+        Args:
+            other: the camera in the other calibration, of any model.
+            distances: of the scene, m, `inf` for far away.
+        """
         found = self._native.compare(other._native, _distances(distances))
         rows = found["distances"]
         pixels = [row.pop("pixels") for row in rows]
@@ -227,7 +264,11 @@ class Camera:
         return Difference(found["T_b_a"], table(columns), pixels, same)
 
     def convert(self, model: str) -> Conversion:
-        """This camera as another model sees it, fitted over the image (`plenocal convert`)."""
+        """This camera as another model sees it, fitted over the image (`plenocal convert`).
+
+        Args:
+            model: name of the other camera model.
+        """
         camera, rms, largest, unseen = self._native.convert(model)
         return Conversion(Camera._of(camera), rms, largest, unseen)
 

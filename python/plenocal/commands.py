@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands of the program do.
+"""Sessions and calibrations: what the commands of the program do with them.
 
-`calibrate`, `detect_session`, `try_models` and `simulate` call the engine: runs of several threads
-go on side by side, and nothing is written unless `out` is given. The others run the program.
-Files are those of the program, byte for byte. The options of all are
-
-out: folder for the results; None: none are written.
-threads: 0: all cores. progress: called with a text on the present stage, from any thread
-(`tqdm.set_description` fits); an exception in it stops the run. Ctrl-C stops it as well.
-
-Messages go to the logger "plenocal".
+Each function is a run of the engine in this process. Runs of several threads go on side by side, and each is stopped
+by itself: by Ctrl-C in the main thread, or by an exception in `progress`, which is passed on. Nothing is written
+unless `out` is given; the files are then those of the program. Messages go to the logger "plenocal". Errors are those
+of `plenocal.errors`.
 """
 
 from __future__ import annotations
@@ -17,74 +12,18 @@ from __future__ import annotations
 import csv
 import json
 import os
-import tempfile
-from typing import TYPE_CHECKING, Any, Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Mapping, Sequence, TypeVar
 
 from . import _core
+from .arrays import images_in_memory, table
 from .calibration import Calibration
-from .camera import Camera
-from .errors import GradeError, InputError, JobError
+from .errors import GradeError, InputError
+from .program import Progress, caller
 from .session import Session
 from .target import Target
 
 if TYPE_CHECKING:
-    from .arrays import FloatArray, PathLike
-
-Progress = Callable[[str], object]
-
-
-def run(arguments: Sequence[PathLike], *, progress: Progress | None = None) -> str:
-    """Runs the program and returns what it prints; `progress` gets the lines of its messages.
-
-    Camera models of `register` are not known there. Raises `InputError`, `JobError`, `GradeError`
-    (exit statuses 2, 1, 3) with the message of the program, and `KeyboardInterrupt` after Ctrl-C; no
-    result files are written then.
-
-    >>> print(run(["models"]).splitlines()[0])
-    division
-    """
-    import subprocess
-    import sys
-
-    if isinstance(arguments, (str, bytes)):
-        raise InputError("arguments: expected a list of words, found one text")
-    words = [os.fspath(argument) for argument in arguments]
-    for word in words:
-        if not isinstance(word, str) or "\0" in word:
-            raise InputError(f"arguments: expected texts, found {word!r}")
-    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    path = os.pathsep.join([folder, os.environ["PYTHONPATH"]]) if "PYTHONPATH" in os.environ else folder
-    last = ""
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as output, subprocess.Popen(
-        [sys.executable, "-m", "plenocal", *words],
-        stdout=output,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": path},
-        text=True,
-        encoding="utf-8",
-        errors="replace",
-    ) as child:
-        assert child.stderr is not None
-        try:
-            for line in child.stderr:
-                last = line.rstrip("\n")
-                _message(last.strip(), last.startswith("  warning: "))
-                if progress is not None:
-                    progress(last.strip())
-        except BaseException:
-            child.terminate()
-            raise
-        status = child.wait()
-        output.seek(0)
-        printed = output.read()
-    if status in (130, -2):
-        raise KeyboardInterrupt(last)
-    if status:
-        kind = {2: InputError, 3: GradeError}.get(status, JobError)
-        error = kind(last.removeprefix("plenocal: ") or f"plenocal ended with status {status}")
-        error.output = printed
-        raise error
-    return printed
+    from .arrays import PathLike, Table
 
 
 def calibrate(
@@ -95,6 +34,9 @@ def calibrate(
     target: Target | PathLike = "",
     model: str = "auto",
     jackknife: bool = False,
+    exclude: Sequence[str] = (),
+    frames: int = 0,
+    all_frames: bool = False,
     keep: bool = False,
     fresh: bool = False,
     report: bool = True,
@@ -102,58 +44,88 @@ def calibrate(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Calibrates the cameras of a session, or cameras from images and a target.
+    """Calibrates the cameras of a session, or cameras from images and a target (`plenocal calibrate`).
 
-    images: a folder, a glob or files of one camera; or arrays in memory: of one camera a sequence,
-    of several `{name: {frame: array}}`, the first being the rig's master. An array has shape (H, W),
-    or (H, W, 3) in the order blue, green, red, of 8 or 16 bits. require: "good" or "usable"; a worse
-    verdict raises `GradeError`, after the files are written. Raises what `Error` lists.
+    Args:
+        session: a `Session`, or the file of one; None: there are images.
+        out: folder for the results; None: none are written.
+        images: a folder, a glob or files of one camera; `{name: glob}` of several, the first being the rig's master;
+            or arrays: of one camera a sequence, of several `{name: {frame: array}}`. An array has the shape (H, W), or
+            (H, W, 3) in the order blue, green, red, and 8 or 16 bits. Images of one frame were taken at once.
+        target: of images: a `Target`, a target in one word ("chessboard:9x6:25mm"), or a file.
+        model: of images: a camera model (`models()`); "auto": chosen by held-out frames.
+        jackknife: standard errors from leaving out frames beside the others.
+        exclude: rules beside the session's, in YAML ("camera: left, frame: '07'"): images that are not used.
+        frames: most frames to use; 0: as many as the session says.
+        all_frames: use all frames of a long recording.
+        keep: write pictures of the stages into `out`/images.
+        fresh: detect again where an earlier run into `out` has kept detections.
+        report: write `out`/report.html.
+        require: "good" or "usable"; a worse verdict raises `GradeError`, after the files are written.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Raises `InputError` for a session, images or a target that are wrong, `JobError` where they determine no
+    calibration.
     """
-    if (session is None) == (_is_empty(images)):
+    if (session is None) == (not isinstance(images, os.PathLike) and len(images) == 0):
         raise InputError("calibrate: give a session, or images with a target")
-    files: list[str] = []
+    if require not in ("", *_GRADES[:2]):
+        raise InputError(f"require: expected 'good' or 'usable', found '{require}'")
+    request = _with_options(_core.CalibrateRequest(), out, keep, fresh)
+    request.exclude = list(exclude)
+    request.frames = frames
+    request.all = all_frames
+    request.model = model
+    request.jackknife = jackknife
     if session is not None:
-        native = _open(session)._native
         if target or model != "auto":
             raise InputError("calibrate: a session has target and model itself; they go with images")
-    elif arrays := _arrays(images):
+        request.session = _open(session)._native
+    elif images_in_memory(images):
         if not target:
             raise InputError("calibrate: images in memory need a target")
-        given = target if isinstance(target, Target) else Target(target)
-        native = _core.session_of_arrays(given.yaml, [(name, "", [], frames, []) for name, frames in arrays])
+        request.session = Session.from_images(target, images)._native
     else:
-        native, files = None, _paths(images)  # type: ignore[arg-type]
-    with tempfile.TemporaryDirectory() as folder:
-        word = _target_file(target, folder) if isinstance(target, Target) else os.fspath(target)
-        record, summary = _core.calibrate(
-            native, files, word, model, jackknife, report, _options(out, keep, fresh), threads, progress, _message
-        )
+        if isinstance(images, Mapping):
+            request.images.cameras = [f"{name}={os.fspath(glob)}" for name, glob in images.items()]
+        else:
+            request.images.images = paths(images)
+        request.images.target = _target_text(target)
+    record, summary = _core.calibrate(request, report, caller(threads, progress))
     calibration = Calibration._of(record) if out is None else Calibration(out)
     calibration.summary = summary
     verdict = calibration.verdict or {}
-    grades = ["good", "usable", "bad"]
-    if require not in ("", *grades[:2]):
-        raise InputError(f"require: expected 'good' or 'usable', found '{require}'")
-    if require and grades.index(verdict["grade"]) > grades.index(require):
+    if require and _GRADES.index(verdict["grade"]) > _GRADES.index(require):
         raise GradeError(f"the calibration is {verdict['grade']}, not {require}: {verdict['findings'][0]['what']}")
     return calibration
 
 
 def detect_session(
     session: Session | PathLike,
-    out: PathLike,
+    out: PathLike | None = None,
     *,
     keep: bool = False,
     fresh: bool = False,
     threads: int = 0,
     progress: Progress | None = None,
-) -> dict[str, int]:
-    """Detects the target in all images of a session: OUT/detections_<camera>.csv.
+) -> dict[str, Table]:
+    """Detects the target in all images of a session (`plenocal detect`).
 
-    Returns the number of points of each camera.
+    Args:
+        session: a `Session`, or the file of one.
+        out: folder for detections_<camera>.csv; None: none is written.
+        keep: write pictures of the stages into `out`/images.
+        fresh: detect again where an earlier run into `out` has kept detections.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns for each camera a table with a row a point: frame, marker, measured coordinates and context (px), sigma
+    (of each coordinate, px). Raises `InputError`, and `JobError` where no image of a camera shows the target.
     """
-    options = _options(out, keep, fresh)
-    return dict(_core.detect_session(_open(session)._native, options, threads, progress, _message))
+    options = _with_options(_core.SessionOptions(), out, keep, fresh)
+    found = _core.detect_session(_open(session)._native, options, caller(threads, progress))
+    return {name: table(columns) for name, columns in found.items()}
 
 
 def try_models(
@@ -168,55 +140,83 @@ def try_models(
 ) -> list[dict[str, Any]]:
     """Which camera model predicts frames that it has not seen best (`plenocal try`).
 
-    Returns the rows of try.csv: model, parameters, held_out_rms (px), recommended, judgement, ...
+    Args:
+        session: a `Session`, or the file of one.
+        out: folder for try.csv, try.yaml and the page try.html; None: none are written.
+        models: names of the models; empty: all that measure what the cameras measure.
+        camera: the camera whose model is varied; empty: all of one type.
+        folds: of the cross-validation, 2 or more.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the rows of try.csv: model, parameters, held_out_rms (px), recommended, judgement, ... Raises `InputError`,
+    and `JobError` for too few frames.
     """
-    table = _core.try_models(
-        _open(session)._native, list(models), camera, folds, _options(out), threads, progress, _message
-    )
-    return _rows(table)
+    request = _with_options(_core.TryRequest(), out)
+    request.models = list(models)
+    request.camera = camera
+    request.folds = folds
+    return _rows(_core.try_models(_open(session)._native, request, caller(threads, progress)))
 
 
 def check(
     calibration: Calibration | PathLike,
     session: Session | PathLike,
+    out: PathLike | None = None,
     *,
+    map: Mapping[str, str] | None = None,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Whether a calibration still holds for new images (`plenocal compare --check`).
 
-    Returns the content of check.json: valid, cameras, verdict.
+    Args:
+        calibration: a `Calibration`, its folder or its calibration.yaml.
+        session: a `Session` of the new images, or the file of one.
+        out: folder for check.json, compare.csv and difference.png; None: none are written.
+        map: for cameras of the session that have other names in the calibration, those.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the content of check.json (docs/formats.md): valid, frames, cameras (RMS in px, turns in radians, shifts in
+    metres), verdict. Raises `InputError`, and `JobError` where the new images determine no poses.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, "out")
-        words = ["compare", _calibration(calibration, folder), "--check", _session(session), "-o", path]
-        try:
-            run([*words, *_threads(threads)], progress=progress)
-        except Exception:
-            # A calibration that does not hold is exit status 1 of the program.
-            if not os.path.exists(os.path.join(path, "check.json")):
-                raise
-        with open(os.path.join(path, "check.json"), encoding="utf-8") as file:
-            result: dict[str, Any] = json.load(file)
-            return result
+    request = _with_options(_core.CheckRequest(), out)
+    request.map = [f"{a}={b}" for a, b in (map or {}).items()]
+    result: dict[str, Any] = json.loads(
+        _core.check(load(calibration)._native, _open(session)._native, request, caller(threads, progress))
+    )
+    return result
 
 
 def compare(
-    a: Calibration | PathLike, b: Calibration | PathLike, *, distances: Sequence[float] = ()
+    a: Calibration | PathLike,
+    b: Calibration | PathLike,
+    out: PathLike | None = None,
+    *,
+    distances: Sequence[float] = (),
+    map: Mapping[str, str] | None = None,
+    threads: int = 0,
+    progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
     """How far two calibrations differ in the image (`plenocal compare`).
 
-    Returns the rows of compare.csv: camera, distance (m), part, rms, largest, predicted (px),
-    probability, pixels, differs.
+    Args:
+        a: a `Calibration`, its folder or its calibration.yaml.
+        b: another, of any models.
+        out: folder for compare.csv and difference.png; None: none are written.
+        distances: of the scene, m, `inf` for far away; empty: 1 m and far away.
+        map: for cameras of `a` that have other names in `b`, those.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the rows of compare.csv: camera, distance (m), part, rms, largest, predicted (px), probability, pixels,
+    differs. Raises `InputError` for calibrations that cannot be compared.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        files = [_calibration(c, os.path.join(folder, name)) for c, name in ((a, "a"), (b, "b"))]
-        words = ["compare", *files, "-o", os.path.join(folder, "out")]
-        for distance in distances:
-            words += ["--distance", repr(float(distance))]
-        run(words)
-        with open(os.path.join(folder, "out", "compare.csv"), encoding="utf-8") as file:
-            return _rows(file.read())
+    pairs = [f"{own}={other}" for own, other in (map or {}).items()]
+    values = [float(distance) for distance in distances]
+    folder = "" if out is None else os.fspath(out)
+    return _rows(_core.compare(load(a)._native, load(b)._native, pairs, values, folder, caller(threads, progress)))
 
 
 def suggest(
@@ -224,50 +224,91 @@ def suggest(
     *,
     target: Target | PathLike = "",
     size: Sequence[int] | None = None,
-    model: str = "",
+    model: str = "pinhole-radtan4",
     angle: float | None = None,
     count: int = 5,
     near: float | None = None,
     far: float | None = None,
-    tilt: float | None = None,
-    goal: float | None = None,
+    tilt: float = 50,
+    goal: float = 0.05,
     picture: PathLike = "",
     threads: int = 0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Poses of the target whose images would lower the projection's sigma most (`plenocal suggest`).
+    """Poses of the target whose images would lower the projection's standard error most (`plenocal suggest`).
 
-    source: a calibration's folder or a session; None: before the first image, from target, size
-    (width, height, px), model and angle. angle: horizontal field of view, degrees. near, far: m.
-    tilt: degrees. goal: px. picture: SVG or PNG file. Returns what docs/suggest.md lists under
-    JSON: sigma_now (px), views with words, T_camera_target (4 x 4), sigma_after (px), ...
+    Args:
+        source: a `Calibration`, a `Session`, the folder of one or the file of the other; None: there is no image yet,
+            and target, size and angle are given.
+        target: before the first image: a `Target`, a target in one word, or a file.
+        size: before the first image: width and height, px.
+        model: before the first image: a camera model (`models()`).
+        angle: horizontal field of view, degrees (1 to 300): before the first image, and while images do not determine
+            it; None: not given.
+        count: number of suggestions, 1 to 100.
+        near: least distance of the target, m; None: as target and lens allow.
+        far: largest distance of the target, m; None: likewise.
+        tilt: largest tilt of the target against the line of sight, degrees (0 to 75).
+        goal: standard error of the projection that suffices, px.
+        picture: SVG or PNG file that shows what the images should look like; empty: none is written.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns what docs/suggest.md lists under JSON: sigma_now (px), views with words, T_camera_target (4 x 4),
+    sigma_after (px), ... Raises `InputError`, and `JobError` where the images determine no calibration and no angle is
+    given.
     """
-    words: list[PathLike] = ["suggest", "--json", "--count", str(int(count))]
-    numbers = {"--angle": angle, "--near": near, "--far": far, "--tilt": tilt, "--goal": goal}
-    for option, number in numbers.items():
-        words += [option, repr(float(number))] if number is not None else []
-    words += ["--model", model] if model else []
-    words += ["--picture", picture] if picture else []
-    if (of_size := _size(size)) is not None:
-        words += ["--size", f"{of_size[0]}x{of_size[1]}"]
-    with tempfile.TemporaryDirectory() as folder:
-        if isinstance(target, Target):
-            words += ["--target", _target_file(target, folder)]
-        elif target:
-            words += ["--target", target]
-        if isinstance(source, Calibration):
-            words.append(os.path.dirname(source.path))
-        elif source is not None:
-            words.append(_session(source))
-        printed = run([*words, *_threads(threads)], progress=progress)
+    request = _core.SuggestRequest()
+    request.target = _target_text(target)
+    request.size = image_size(size)
+    request.model = model
+    request.angle = _positive(angle, "angle")
+    request.count = count
+    request.near = _positive(near, "near")
+    request.far = _positive(far, "far")
+    request.tilt = tilt
+    request.goal = goal
+    given: list[_core.Session | _core.Record] = []
+    if isinstance(source, Session):
+        given.append(_open(source)._native)
+    elif isinstance(source, Calibration) and not source.path:
+        given.append(source._native)
+    elif source is not None:
+        request.input = source.path if isinstance(source, Calibration) else os.fspath(source)
+    printed = _core.suggest(request, os.fspath(picture), caller(threads, progress), *given)
     suggestions: dict[str, Any] = json.loads(printed)
     return suggestions
+
+
+def weigh(
+    calibration: PathLike,
+    pictures: Mapping[str, PathLike] | PathLike,
+    *,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """What a picture of the target would add to a calibration (`plenocal suggest --image`).
+
+    Args:
+        calibration: the folder that `calibrate` wrote.
+        pictures: an image file of the only camera, or `{camera: file}` of pictures that were taken at once.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns points, words, sigma_now and sigma_after (px), share (of what the best view would add); None: not known.
+    Raises `InputError` for a picture of another size or of a camera that there is not.
+    """
+    named = pictures if isinstance(pictures, Mapping) else {"": pictures}
+    files = {name: os.fspath(path) for name, path in named.items()}
+    result: dict[str, Any] = json.loads(_core.weigh(os.fspath(calibration), files, caller(threads, progress)))
+    return result
 
 
 def locate(
     calibration: Calibration | PathLike,
     map: Target | PathLike,
-    images: PathLike | Sequence[PathLike],
+    images: PathLike | Sequence[Any] | Mapping[str, Any],
+    out: PathLike | None = None,
     *,
     camera: str = "",
     white: PathLike | Sequence[PathLike] = (),
@@ -276,20 +317,33 @@ def locate(
 ) -> list[dict[str, Any]]:
     """Pose of each image before a target or the points of a map (`plenocal locate`).
 
-    map: a target, or points.csv of a ground truth. images: images, or one table of detections.
-    camera: needed if the calibration has several. Returns for each image that has a pose: image,
-    points, used, rms (px), translation (m) and quaternion (x, y, z, w) of T_map_camera,
-    covariance (6 x 6, se(3): x, y, z in m, then rotations in radians).
+    Args:
+        calibration: a `Calibration`, its folder or its calibration.yaml.
+        map: a `Target`, a target in one word, the file of one, or points.csv of an earlier run.
+        images: folders, globs, image files or tables of detections (CSV); or arrays: a sequence, or `{name: array}`,
+            of the shape (H, W), or (H, W, 3) in the order blue, green, red, and 8 or 16 bits.
+        out: table for the poses (CSV); None: none is written.
+        camera: the camera of the images; needed if the calibration has several.
+        white: white images of a plenoptic camera: folders, globs and files.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns for each image that has a pose a dict: image, points, used, rms (px), translation (3,) (m) and quaternion
+    (4,) (x, y, z, w) of T_map_camera, T_map_camera (4, 4), covariance (6, 6) (se(3): x, y, z in m, then rotations in
+    radians). Raises `InputError`, and `JobError` when no image has a pose.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        given = _target_file(map, folder) if isinstance(map, Target) else os.fspath(map)
-        words = ["locate", _calibration(calibration, folder), given, *_paths(images), "--json"]
-        words += ["--camera", camera] if camera else []
-        for item in _paths(white):
-            words += ["--white", item]
-        printed = run([*words, *_threads(threads)], progress=progress)
-    poses: list[dict[str, Any]] = json.loads(printed)
-    return poses
+    request = _core.LocateRequest()
+    if isinstance(map, Target) or not os.fspath(map).endswith(".csv"):
+        request.target = (map if isinstance(map, Target) else Target(map))._native
+    else:
+        request.map = os.fspath(map)
+    arrays = images_in_memory({"image": images})
+    request.images = [] if arrays else paths(images)  # type: ignore[arg-type]
+    request.camera = camera
+    request.white = paths(white)
+    request.out = "" if out is None else os.fspath(out)
+    frames = arrays[0][1] if arrays else []
+    return _core.locate(load(calibration)._native, request, frames, caller(threads, progress))
 
 
 def simulate(
@@ -300,149 +354,57 @@ def simulate(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> Session:
-    """Makes a session with known truth (`plenocal simulate`); points: detections, no images."""
-    _core.simulate(os.fspath(specification), os.fspath(out), points, threads, progress, _message)
+    """Makes a session with known truth (`plenocal simulate`).
+
+    Args:
+        specification: the file of docs/simulate.md.
+        out: folder for the session, its images and its truth.
+        points: write noisy detections in place of images.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the session. Raises `InputError` with file, line and key.
+    """
+    _core.simulate(os.fspath(specification), os.fspath(out), points, caller(threads, progress))
     return Session(os.path.join(os.fspath(out), "session.yaml"))
 
 
-def white(
-    images: Session | PathLike | Sequence[PathLike],
-    out: PathLike,
-    *,
-    model: str = "",
-    camera: str = "",
-    threads: int = 0,
-    progress: Progress | None = None,
-) -> str:
-    """Micro-lens grid and attenuation from white images (`plenocal white`)."""
-    inputs = [images.path] if isinstance(images, Session) else _paths(images)
-    words = ["white", *inputs, "-o", os.fspath(out)]
-    words += ["--model", model] if model else []
-    words += ["--camera", camera] if camera else []
-    return run([*words, *_threads(threads)], progress=progress)
+_GRADES = ("good", "usable", "bad")
 
 
-def focus(
-    images: PathLike | Sequence[PathLike],
-    out: PathLike,
-    *,
-    white: PathLike | Sequence[PathLike] = (),
-    grid: PathLike = "",
-    vignetting: PathLike = "",
-    scale: float = 2,
-    threads: int = 0,
-    progress: Progress | None = None,
-) -> str:
-    """Totally focused image and virtual depth of raw plenoptic images (`plenocal focus`)."""
-    words = ["focus", *_paths(images), "-o", os.fspath(out), "--scale", repr(float(scale))]
-    for folder in _paths(white):
-        words += ["--white", folder]
-    words += ["--grid", os.fspath(grid)] if grid else []
-    words += ["--vignetting", os.fspath(vignetting)] if vignetting else []
-    return run([*words, *_threads(threads)], progress=progress)
+def paths(given: PathLike | Sequence[PathLike]) -> list[str]:
+    """One path or several as texts."""
+    if isinstance(given, (str, os.PathLike)):
+        return [os.fspath(given)]
+    return [os.fspath(path) for path in given]
 
 
-def rectify(
-    calibration: Calibration | PathLike,
-    left: PathLike,
-    right: PathLike,
-    out: PathLike,
-    *,
-    threads: int = 0,
-    progress: Progress | None = None,
-) -> str:
-    """Rectified stereo pairs of image files (`plenocal rectify`); `rectify_maps` gives the tables."""
-    with tempfile.TemporaryDirectory() as folder:
-        words = ["rectify", _calibration(calibration, folder), left, right, "-o", out]
-        return run([*words, *_threads(threads)], progress=progress)
+def load(calibration: Calibration | PathLike) -> Calibration:
+    """The calibration, read where a path is given."""
+    return calibration if isinstance(calibration, Calibration) else Calibration(calibration)
 
 
-def undistort_maps(
-    camera: Camera,
-    *,
-    size: Sequence[int] | None = None,
-    fov: float | None = None,
-    balance: float | None = None,
-    threads: int = 0,
-) -> tuple[FloatArray, FloatArray, Camera]:
-    """Tables for cv2.remap, and the pinhole camera whose images they make (`plenocal map`).
-
-    size: width, height, px (None: the camera's). fov: horizontal field of view, degrees. balance:
-    0: every pixel has a source, 1: all that the camera images. Returns map_x and map_y, (H, W)
-    float32, px, -1 where the camera images nothing.
-    """
-    x, y, view = _core.undistort_maps(camera._native, _size(size), fov, balance, threads)
-    return x, y, Camera._of(view)
-
-
-def rectify_maps(
-    first: Camera,
-    second: Camera,
-    *,
-    size: Sequence[int] | None = None,
-    fov: float | None = None,
-    balance: float | None = None,
-    threads: int = 0,
-) -> tuple[tuple[FloatArray, FloatArray, Camera], tuple[FloatArray, FloatArray, Camera], float]:
-    """Tables for cv2.remap of a stereo pair, whose points then lie in equal rows.
-
-    Returns for each camera map_x, map_y, new camera as `undistort_maps` does, and the baseline, m
-    (negative when the second camera lies on the left).
-    """
-    one, two, baseline = _core.rectify_maps(
-        first._native, second._native, _size(size), fov, balance, threads
-    )
-    return (*one[:2], Camera._of(one[2])), (*two[:2], Camera._of(two[2])), baseline
-
-
-def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
-    if isinstance(paths, (str, os.PathLike)):
-        return [os.fspath(paths)]
-    return [os.fspath(path) for path in paths]
-
-
-def _session(session: Session | PathLike) -> str:
-    return session.path if isinstance(session, Session) else os.fspath(session)
-
-
-def _target_file(target: Target, folder: str) -> str:
-    path = os.path.join(folder, "given_target.yaml")
-    with open(path, "w", encoding="utf-8") as stream:
-        stream.write(target.yaml)
-    return path
-
-
-def _calibration(calibration: Calibration | PathLike, folder: str) -> str:
-    """The calibration.yaml, written into the folder if the object has none."""
-    if not isinstance(calibration, Calibration):
-        path = os.fspath(calibration)
-        return os.path.join(path, "calibration.yaml") if os.path.isdir(path) else path
-    if os.path.exists(calibration.path):
-        return calibration.path
-    os.makedirs(folder, exist_ok=True)
-    path = os.path.join(folder, "calibration.yaml")
-    calibration.save(path)
-    return path
-
-
-def _flags(**flags: bool) -> list[str]:
-    return ["--" + name.replace("_", "-") for name, wanted in flags.items() if wanted]
-
-
-def _threads(threads: int) -> list[str]:
-    return ["--threads", str(int(threads))] if threads else []
-
-
-def _size(size: Sequence[int] | None) -> list[int] | None:
+def image_size(size: Sequence[int] | None) -> tuple[int, int] | None:
+    """Width and height. Raises `InputError`."""
     if size is None:
         return None
     values = [int(v) for v in size]
     if len(values) != 2 or not all(0 < v < 2**15 for v in values):
         raise InputError(f"size: expected width and height in pixels, found {size}")
-    return values
+    return values[0], values[1]
 
 
-def _rows(table: str) -> list[dict[str, Any]]:
+def _target_text(target: Target | PathLike) -> str:
+    return target.yaml if isinstance(target, Target) else os.fspath(target)
+
+
+def _positive(number: float | None, name: str) -> float:
+    if number is not None and not number > 0:
+        raise InputError(f"{name}: expected a positive number, found {number}")
+    return number or 0
+
+
+def _rows(text: str) -> list[dict[str, Any]]:
     """The rows of a CSV table with its numbers as numbers."""
 
     def value(text: str) -> Any:
@@ -451,58 +413,21 @@ def _rows(table: str) -> list[dict[str, Any]]:
         except ValueError:
             return text
 
-    return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(table.splitlines())]
-
-
-def _message(line: str, warning: bool) -> None:
-    import logging
-
-    logging.getLogger("plenocal").log(logging.WARNING if warning else logging.INFO, "%s", line.strip())
+    return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(text.splitlines())]
 
 
 def _open(session: Session | PathLike) -> Session:
     """The session as its file is now, or the one in memory."""
-    if isinstance(session, Session) and not session.text:
-        return session
-    return Session(_session(session))
+    if isinstance(session, Session):
+        return Session(session.path) if session.text else session
+    return Session(session)
 
 
-def _options(out: PathLike | None, keep: bool = False, fresh: bool = False) -> tuple[str, bool, bool, list[str]]:
-    return ("" if out is None else os.fspath(out), keep, fresh, [])
+Request = TypeVar("Request", bound=_core.SessionOptions)
 
 
-def _is_empty(images: Any) -> bool:
-    return hasattr(images, "__len__") and len(images) == 0
-
-
-def _arrays(images: Any) -> list[tuple[str, list[tuple[str, Any]]]]:
-    """Cameras with their frames, of images in memory; none of paths."""
-    import numpy as np
-
-    if isinstance(images, (str, os.PathLike)):
-        return []
-    if isinstance(images, Mapping):
-        cameras = images
-    elif isinstance(images[0], (str, os.PathLike)):
-        return []
-    else:
-        cameras = {"cam": images}
-    found = []
-    for name, frames in cameras.items():
-        named = frames.items() if isinstance(frames, Mapping) else ((f"{i:04}", f) for i, f in enumerate(frames))
-        rows = []
-        for frame, pixels in named:
-            array = np.asarray(pixels)
-            shape_fits = array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 3)
-            if not shape_fits or array.size == 0 or array.dtype not in (np.uint8, np.uint16):
-                raise InputError(
-                    f"{name}: frame {frame}: expected (H, W) or (H, W, 3), uint8 or uint16, found "
-                    f"{array.dtype} of shape {array.shape}"
-                )
-            if array.strides[-1] != array.itemsize or (array.ndim == 3 and array.strides[1] != 3 * array.itemsize):
-                array = np.ascontiguousarray(array)
-            if array.strides[0] < 0:
-                array = np.ascontiguousarray(array)
-            rows.append((str(frame), array))
-        found.append((str(name), rows))
-    return found
+def _with_options(request: Request, out: PathLike | None, keep: bool = False, fresh: bool = False) -> Request:
+    request.out = "" if out is None else os.fspath(out)
+    request.keep = keep
+    request.fresh = fresh
+    return request

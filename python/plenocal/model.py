@@ -21,10 +21,15 @@ _FIXED = ("never", "against_poses", "always")
 class Param:
     """A parameter of a camera model.
 
-    lower, upper: its value lies between. scale: a change of this size gives a different camera.
-    neutral: the value without effect. fixed: "never", "against_poses" (a motion of the camera has
-    the same effect) or "always". prior_sigma: of the Gaussian prior around 0 of one of many
-    coefficients; 0: none.
+    Args:
+        name: symbol of the paper, as in calibration.yaml.
+        unit: "px", "m" or "1".
+        lower: its value lies above.
+        upper: its value lies below.
+        scale: a change of this size gives a different camera.
+        neutral: the value without effect; None: there is none.
+        fixed: "never", "against_poses" (a motion of the camera has the same effect) or "always".
+        prior_sigma: of the Gaussian prior around 0 of one of many coefficients; 0: none.
     """
 
     name: str
@@ -81,13 +86,13 @@ class CameraModel:
         raise NotImplementedError(f"{type(self).__name__}: project is missing")
 
     def jacobian(self, params: Sequence[float], point: Sequence[float]) -> tuple[Any, Any, Any]:
-        """Optional: of one point the image point (2,), and its derivatives by the parameters (2, P)
-        and by the point (2, 3)."""
+        """Optional: of one point (x, y, z, m) and params the image point (2,), px, and its derivatives by
+        the parameters (2, P) and by the point (2, 3)."""
         raise NotImplementedError
 
     def unproject(self, params: Sequence[float], pixel: Sequence[float]) -> Any:
-        """Optional: direction (3,) of any length of the ray through one image point, NaN: none. The
-        default inverts `project`."""
+        """Optional: direction (3,) of any length of the ray through one pixel (x, y, px) of a camera with
+        params, NaN: none. The default inverts `project`."""
         return self._invert(params, pixel)
 
     def start(self, f: float, c_x: float, c_y: float) -> Iterable[Sequence[float]]:
@@ -199,8 +204,13 @@ M = TypeVar("M", bound=type[CameraModel])
 
 
 def register(model: M) -> None:
-    """Adds a camera model of this process, for good. Raises `InputError` for one that lacks a part
-    or whose name is taken."""
+    """Adds a camera model of this process, for good.
+
+    Args:
+        model: a subclass of `CameraModel`.
+
+    Raises `InputError` for one that lacks a part or whose name is taken.
+    """
     where = model.__name__
     for attribute in ("name", "params", "example"):
         if not hasattr(model, attribute):

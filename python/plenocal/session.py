@@ -8,7 +8,7 @@ import os
 from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 from . import _core
-from .arrays import floats
+from .arrays import floats, images_in_memory
 from .errors import InputError
 from .target import Target
 
@@ -20,9 +20,10 @@ class Session:
     """A session.yaml (docs/formats.md)."""
 
     _native: _core.Session
+    _images: Any = None  # lent to `_native`
 
     def __init__(self, path: PathLike) -> None:
-        """Reads and checks a session. Raises `InputError` with file, line and key."""
+        """Reads and checks the session file at this path. Raises `InputError` with file, line and key."""
         self._native = _core.Session.load(os.fspath(path))
 
     @classmethod
@@ -34,12 +35,17 @@ class Session:
         *,
         options: Mapping[str, Any] | None = None,
     ) -> Session:
-        """A session of measured points, written into a folder; None: it stays in memory.
+        """A session of measured points.
 
-        cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame:
-        table}}`, the first being the rig's master; a table has the columns marker, x, y (px) and
-        may have sigma (px), as `detect` returns them. Frames of one name belong together. options:
-        the session's `options`. Raises `InputError`.
+        Args:
+            folder: where session.yaml, target.yaml and the tables are written; None: it stays in memory.
+            target: a `Target`, a target in one word, or the file of one.
+            cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame: table}}`, the first
+                being the rig's master; a table has the columns marker, x, y (px) and may have sigma (px), as `detect`
+                returns them. Frames of one name belong together.
+            options: the session's `options` (docs/formats.md); they need a folder.
+
+        Raises `InputError`.
         """
         import numpy as np
 
@@ -50,8 +56,7 @@ class Session:
         entries = {}
         native: list[Any] = []
         for name, camera in cameras.items():
-            frames: list[str] = []
-            markers, rows, views = [], [], []
+            views = []
             for frame, points in camera["points"].items():
                 try:
                     numbers = np.asarray(points["marker"], dtype=np.int32)
@@ -62,19 +67,15 @@ class Session:
                         f"{name}: {frame}: expected a table with the columns marker, x, y "
                         f"(and sigma), as plenocal.detect returns it"
                     ) from error
-                rows.append(np.stack(columns, axis=1))
-                if not np.isfinite(rows[-1]).all() or not (rows[-1][:, 2] > 0).all():
+                rows = np.stack(columns, axis=1)
+                if not np.isfinite(rows).all() or not (rows[:, 2] > 0).all():
                     raise InputError(f"{name}: {frame}: expected finite numbers and positive sigmas")
-                markers.append(numbers)
-                views.append((str(frame), numbers.tolist(), rows[-1]))
-                frames += [str(frame)] * len(numbers)
-            if not frames:
+                views.append((str(frame), numbers.tolist(), rows))
+            if not any(numbers for _, numbers, _ in views):
                 raise InputError(f"{name}: has no points")
             size = [int(v) for v in camera["image_size"]]
             native.append((str(name), camera["model"], size, [], views))
-            files[f"points_{name}.csv"] = _core.detections_table(
-                frames, np.concatenate(markers), np.concatenate(rows)
-            )
+            files[f"points_{name}.csv"] = _core.detections_table(views)
             entries[name] = {
                 "model": camera["model"],
                 "detections": f"points_{name}.csv",
@@ -94,6 +95,29 @@ class Session:
             with open(os.path.join(folder, file), "w", encoding="utf-8") as stream:
                 stream.write(text)
         return cls(os.path.join(folder, "session.yaml"))
+
+    @classmethod
+    def from_images(cls, target: Target | PathLike, images: Any, *, model: str = "") -> Session:
+        """A session of images in memory.
+
+        Args:
+            target: a `Target`, a target in one word, or the file of one.
+            images: arrays: of one camera a sequence, of several `{name: {frame: array}}`, the first being the rig's
+                master. An array has the shape (H, W), or (H, W, 3) in the order blue, green, red, and 8 or 16 bits.
+                It must not change while the session is used.
+            model: camera model of all cameras (`models()`); empty: `calibrate` chooses it by held-out frames.
+
+        Raises `InputError`.
+        """
+        cameras = images_in_memory(images)
+        if not any(frames for _, frames in cameras):
+            raise InputError("from_images: expected arrays of images")
+        target = target if isinstance(target, Target) else Target(target)
+        found = cls.__new__(cls)
+        found._images = cameras
+        native = [(name, model, [], frames, []) for name, frames in cameras]
+        found._native = _core.session_of_arrays(target.yaml, native)
+        return found
 
     @property
     def path(self) -> str:

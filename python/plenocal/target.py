@@ -27,8 +27,14 @@ class Target:
     _native: _core.Target
 
     def __init__(self, target: PathLike) -> None:
-        """A word such as "chessboard:9x6:25mm", "aprilgrid:6x6:88mm:0.3",
-        "charuco:5x7:36mm:18mm:6X6_250", "circles:10x7:25mm", or a file. Raises `InputError`."""
+        """Reads a target.
+
+        Args:
+            target: in one word ("chessboard:9x6:25mm", "aprilgrid:6x6:88mm:0.3", "charuco:5x7:36mm:18mm:6X6_250",
+                "circles:10x7:25mm"), or a file.
+
+        Raises `InputError`.
+        """
         word = os.fspath(target)
         is_word = ":" in word and not os.path.exists(word)
         self._native = _core.Target.parse(word) if is_word else _core.Target.load(word)
@@ -58,10 +64,13 @@ class Target:
 def detect(image: Any, target: Target | PathLike) -> Table:
     """The markers of a target in one image of an ordinary camera.
 
-    image: a file, or a gray image (H, W) of 8 or 16 bits. Returns a row a marker: marker, x, y
-    (px, (0, 0) is the centre of the top-left pixel), sigma (of each coordinate, px). Raises
-    `JobError` with the reason if the image does not show the target. (`calibrate` measures tags
-    once more, with the local distortion that all images show together.)
+    Args:
+        image: a file, or a gray image (H, W) of 8 or 16 bits.
+        target: a `Target`, a target in one word, or the file of one.
+
+    Returns a row a marker: marker, x, y (px, (0, 0) is the centre of the top-left pixel), sigma (of
+    each coordinate, px). Raises `JobError` with the reason if the image does not show the target.
+    (`calibrate` measures tags once more, with the local distortion that all images show together.)
     """
     where = "image"
     if not isinstance(target, Target):
@@ -81,9 +90,7 @@ def detect(image: Any, target: Target | PathLike) -> Table:
                 "image: expected a gray image of shape (H, W), uint8 or uint16, found "
                 f"{pixels.dtype} of shape {pixels.shape}"
             )
-        pixels = np.ascontiguousarray(pixels)
-        core = _core.detect_8 if pixels.dtype == np.uint8 else _core.detect_16
-        found = core(pixels, target._native)
+        found = _core.detect_array(np.ascontiguousarray(pixels), target._native)
     columns, failure, _ = found
     if failure:
         raise JobError(f"{where}: {failure}")

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Arrays of numpy.
 #include <algorithm>
 #include <functional>
 #include <numeric>
@@ -40,6 +42,12 @@ Numbers ToArray(const RigidTransform& transform) {
 RigidTransform ToTransform(const Rows& matrix) {
   const Eigen::Map<const RowMajorMatrix> values(matrix.data(), 4, 4);
   return {values.topLeftCorner<3, 3>(), values.topRightCorner<3, 1>()};
+}
+
+std::vector<std::string> ValueNames(const CameraModel& model) {
+  std::vector<std::string> names(model.measured.begin(), model.measured.end());
+  names.insert(names.end(), model.context.begin(), model.context.end());
+  return names;
 }
 
 }  // namespace plenocal::python

@@ -20,6 +20,7 @@ namespace plenocal::python {
 namespace nb = nanobind;
 
 void BindEngine(nb::module_& module);
+void BindImages(nb::module_& module);
 void BindProgram(nb::module_& module);
 void BindCamera(nb::module_& module);
 void BindCalibration(nb::module_& module);
@@ -40,21 +41,42 @@ Numbers ToArray(const Eigen::MatrixXd& matrix);
 Numbers ToArray(const RigidTransform& transform);
 RigidTransform ToTransform(const Rows& matrix);
 
+/// An array of this shape that has taken over the values.
+template <typename T>
+nb::ndarray<nb::numpy, T> Kept(std::vector<T> values, std::initializer_list<size_t> shape) {
+  auto* const kept = new std::vector<T>(std::move(values));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::ndarray<nb::numpy, T>(kept->data(), shape, owner);
+}
 /// Column of a table.
 template <typename T>
 nb::ndarray<nb::numpy, T> ToColumn(std::vector<T> values) {
-  auto* const kept = new std::vector<T>(std::move(values));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
+  const size_t count = values.size();
+  return Kept(std::move(values), {count});
+}
+/// Column of a table: `value` of each of `items`.
+template <typename Items, typename Value>
+auto ToColumn(const Items& items, const Value& value) {
+  std::vector<std::decay_t<decltype(value(*items.begin()))>> column;
+  for (const auto& item : items) column.push_back(value(item));
+  return ToColumn(std::move(column));
+}
+
+/// Names of the numbers of an observation: measured coordinates, then context.
+std::vector<std::string> ValueNames(const CameraModel& model);
+
+/// The same of vectors: (N, 3).
+template <typename Items, typename Value>
+auto ToRows(const Items& items, const Value& value) {
+  std::vector<double> rows;
+  for (const auto& item : items) {
+    const Eigen::Vector3d row = value(item);
+    rows.insert(rows.end(), row.begin(), row.end());
+  }
+  return Kept(std::move(rows), {items.size(), 3});
 }
 
 /// Sets the exception of an error (plenocal/errors.py: a class each kind).
 void SetPythonError(const Error& error);
-
-/// Whether a camera model written in Python has raised an exception in a thread of this run
-/// (`run_of_thread`); null: in one of no run.
-bool HasModelFailed(const void* run);
-/// Throws it, and forgets it. With the GIL.
-void RethrowFromModel(const void* run = nullptr);
 
 }  // namespace plenocal::python

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A calibration with its tables as arrays.
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -28,12 +30,11 @@ Record Load(const std::filesystem::path& path) {
   if (std::filesystem::is_directory(path)) {
     return {OpenCalibrationFolder(path), {path, {}}};
   }
-  return {OpenCalibration(path), {path.parent_path(), {}}};
+  return {OpenWithCorrelations(path), {path.parent_path(), {}}};
 }
 
 Record OfCameras(const std::vector<CalibratedCamera>& cameras) {
   Record calibration;
-  calibration.record.path = "calibration.yaml";
   calibration.record.cameras = cameras;
   return calibration;
 }
@@ -57,75 +58,53 @@ std::string Report(const Record& calibration) {
 }
 
 nb::dict Poses(const Record& calibration) {
-  const std::vector<FrameRecord>& frames = calibration.record.frames;
   std::vector<std::string> names;
-  Numbers poses = NewArray({frames.size(), 4, 4});
-  for (size_t i = 0; i < frames.size(); ++i) {
-    names.push_back(frames[i].name);
-    const Numbers pose = ToArray(frames[i].T_target_rig);
-    std::copy_n(pose.data(), 16, poses.data() + 16 * i);
+  std::vector<double> poses;
+  for (const FrameRecord& frame : calibration.record.frames) {
+    names.push_back(frame.name);
+    const Numbers pose = ToArray(frame.T_target_rig);
+    poses.insert(poses.end(), pose.data(), pose.data() + 16);
   }
   nb::dict columns;
+  columns["T_target_rig"] = Kept(std::move(poses), {names.size(), 4, 4});
   columns["frame"] = names;
-  columns["T_target_rig"] = poses;
   return columns;
 }
 
 nb::dict Markers(const Record& calibration) {
   const auto& markers = calibration.record.markers;
-  std::vector<int> numbers;
-  Numbers positions = NewArray({markers.size(), 3}), sigmas = NewArray({markers.size(), 3});
-  for (const auto& [number, marker] : markers) {
-    const size_t i = numbers.size();
-    numbers.push_back(number);
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      positions.data()[3 * i + static_cast<size_t>(k)] = marker.position[k];
-      sigmas.data()[3 * i + static_cast<size_t>(k)] = marker.sigma ? (*marker.sigma)[k] : kNan;
-    }
-  }
   nb::dict columns;
-  columns["marker"] = ToColumn(std::move(numbers));
-  columns["position"] = positions;
-  columns["sigma"] = sigmas;
+  columns["marker"] = ToColumn(markers, [](const auto& marker) { return marker.first; });
+  columns["position"] = ToRows(markers, [](const auto& marker) { return marker.second.position; });
+  columns["sigma"] = ToRows(markers, [](const auto& marker) {
+    return marker.second.sigma.value_or(Eigen::Vector3d::Constant(kNan));
+  });
   return columns;
 }
 
 nb::dict Residuals(const Record& calibration, size_t index) {
   const CalibratedCamera& camera = calibration.record.cameras.at(index);
   const CameraModel& model = *camera.model;
-  const size_t count = camera.residuals.size();
+  const std::vector<ResidualRow>& rows = camera.residuals;
   std::vector<std::string> frames;
-  std::vector<int> markers;
-  std::vector<double> sigmas;
-  std::vector<std::uint8_t> used;
-  for (const ResidualRow& row : camera.residuals) {
+  for (const ResidualRow& row : rows) {
     frames.push_back(calibration.record.frames[static_cast<size_t>(row.frame)].name);
-    markers.push_back(row.marker);
-    sigmas.push_back(row.noise_sigma);
-    used.push_back(row.used ? 1 : 0);
   }
-  const auto column = [&](const auto& value) {
-    Numbers numbers = NewArray({count});
-    for (size_t i = 0; i < count; ++i) numbers.data()[i] = value(camera.residuals[i]);
-    return numbers;
-  };
   nb::dict columns;
   columns["frame"] = frames;
-  columns["marker"] = ToColumn(std::move(markers));
-  const auto put = [&](const std::string& name, const Numbers& numbers) {
-    columns[nb::str(name.c_str())] = numbers;
-  };
-  for (size_t k = 0; k < model.measured.size() + model.context.size(); ++k) {
-    const size_t measured = model.measured.size();
-    put(std::string(k < measured ? model.measured[k] : model.context[k - measured]),
-        column([&](const ResidualRow& row) { return row.values[k]; }));
+  columns["marker"] = ToColumn(rows, [](const ResidualRow& row) { return row.marker; });
+  const std::vector<std::string> names = ValueNames(model);
+  for (size_t k = 0; k < names.size(); ++k) {
+    columns[names[k].c_str()] =
+        ToColumn(rows, [&](const ResidualRow& row) { return row.values[k]; });
   }
   for (size_t k = 0; k < model.measured.size(); ++k) {
-    put("residual_" + std::string(model.measured[k]),
-        column([&](const ResidualRow& row) { return row.residual[k]; }));
+    columns[("residual_" + names[k]).c_str()] =
+        ToColumn(rows, [&](const ResidualRow& row) { return row.residual[k]; });
   }
-  columns["noise_sigma"] = ToColumn(std::move(sigmas));
-  columns["used"] = ToColumn(std::move(used));
+  columns["noise_sigma"] = ToColumn(rows, [](const ResidualRow& row) { return row.noise_sigma; });
+  columns["used"] =
+      ToColumn(rows, [](const ResidualRow& row) { return static_cast<std::uint8_t>(row.used); });
   return columns;
 }
 
@@ -158,15 +137,15 @@ std::string VerdictText(const Record& calibration) {
 
 void BindCalibration(nb::module_& module) {
   nb::class_<Record>(module, "Record")
-      .def_static("load", &Load, nb::arg("path"))
-      .def_static("of_cameras", &OfCameras, nb::arg("cameras"))
+      .def_static("load", &Load)
+      .def_static("of_cameras", &OfCameras)
       .def("yaml", &Yaml)
-      .def("save", &Save, nb::arg("path"), nb::call_guard<nb::gil_scoped_release>())
+      .def("save", &Save, nb::call_guard<nb::gil_scoped_release>())
       .def("report", &Report)
       .def("poses", &Poses)
       .def("markers", &Markers)
-      .def("residuals", &Residuals, nb::arg("camera"))
-      .def("residual_picture", &ResidualPicture, nb::arg("camera"))
+      .def("residuals", &Residuals)
+      .def("residual_picture", &ResidualPicture)
       .def("verdict", &VerdictText)
       .def_prop_ro("path", [](const Record& record) { return record.record.path.string(); })
       .def_prop_ro(

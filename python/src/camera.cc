@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A calibrated camera on arrays of points.
 #include <fmt/format.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
@@ -16,7 +18,7 @@
 #include "calib/base/names.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
-#include "python/src/bindings.h"
+#include "python/src/run.h"
 
 namespace plenocal::python {
 namespace {
@@ -105,8 +107,7 @@ Numbers Project(const CalibratedCamera& camera,
   double* const out = projected.data();
   const double* const p = points.data();
   const Contexts contexts(model, context ? &*context : nullptr);
-  {
-    const nb::gil_scoped_release release;
+  Call([&] {
     std::array<double, kMaxObservationSize> values{};
     for (size_t i = 0; i < count; ++i) {
       contexts.Put(i, values.data());
@@ -119,8 +120,7 @@ Numbers Project(const CalibratedCamera& camera,
         std::fill_n(out + i * measured, measured, kNan);
       }
     }
-  }
-  RethrowFromModel();
+  });
   return projected;
 }
 
@@ -160,8 +160,7 @@ nb::tuple Jacobian(const CalibratedCamera& camera,
   Numbers values = NewArray({count, measured}), by_params = NewArray({count, measured, params}),
           by_point = NewArray({count, measured, 3});
   double *const v = values.data(), *const a = by_params.data(), *const b = by_point.data();
-  {
-    const nb::gil_scoped_release release;
+  Call([&] {
     ForEachJacobian(
         camera,
         points,
@@ -171,8 +170,7 @@ nb::tuple Jacobian(const CalibratedCamera& camera,
           std::ranges::copy(J_params, a + i * measured * params);
           std::ranges::copy(J_point, b + i * measured * 3);
         });
-  }
-  RethrowFromModel();
+  });
   return nb::make_tuple(values, by_params, by_point);
 }
 
@@ -186,8 +184,7 @@ Numbers Uncertainty(const CalibratedCamera& camera,
   Numbers covariances =
       NewArray({points.shape(0), static_cast<size_t>(measured), static_cast<size_t>(measured)});
   double* const out = covariances.data();
-  {
-    const nb::gil_scoped_release release;
+  Call([&] {
     const ImageCovariance image(camera);
     ForEachJacobian(
         camera, points, context, [&](size_t i, const auto&, const auto& J_params, const auto&) {
@@ -197,8 +194,7 @@ Numbers Uncertainty(const CalibratedCamera& camera,
                       covariance.size(),
                       out + i * static_cast<size_t>(covariance.size()));
         });
-  }
-  RethrowFromModel();
+  });
   return covariances;
 }
 
@@ -210,8 +206,7 @@ nb::tuple Rays(const CalibratedCamera& camera,
   Numbers origins = NewArray({count, 3}), directions = NewArray({count, 3});
   double *const o = origins.data(), *const d = directions.data();
   const Contexts contexts(model, context ? &*context : nullptr);
-  {
-    const nb::gil_scoped_release release;
+  Call([&] {
     std::array<double, kMaxObservationSize> values{};
     for (size_t i = 0; i < count; ++i) {
       std::copy_n(pixels.data() + i * measured, measured, values.data());
@@ -223,8 +218,7 @@ nb::tuple Rays(const CalibratedCamera& camera,
         d[3 * i + static_cast<size_t>(k)] = ray ? ray->direction[k] : kNan;
       }
     }
-  }
-  RethrowFromModel();
+  });
   return nb::make_tuple(origins, directions);
 }
 
@@ -282,10 +276,7 @@ nb::list DistancesOf(const CameraDifference& difference) {
 nb::dict Compare(const CalibratedCamera& a,
                  const CalibratedCamera& b,
                  const std::vector<double>& distances) {
-  const CameraDifference difference = [&] {
-    const nb::gil_scoped_release release;
-    return CompareCameras(a, b, distances);
-  }();
+  const CameraDifference difference = Call([&] { return CompareCameras(a, b, distances); });
   nb::dict result;
   result["name"] = difference.name;
   result["T_b_a"] = ToArray(difference.T_b_a);
@@ -297,10 +288,7 @@ nb::dict Compare(const CalibratedCamera& a,
 
 nb::tuple ConvertTo(const CalibratedCamera& camera, const std::string& name) {
   const CameraModel& model = ModelOf(name);
-  const Conversion conversion = [&] {
-    const nb::gil_scoped_release release;
-    return Convert(camera, model);
-  }();
+  const Conversion conversion = Call([&] { return Convert(camera, model); });
   CalibratedCamera converted{.name = camera.name,
                              .model = &model,
                              .image_size = camera.image_size,
@@ -318,15 +306,7 @@ nb::tuple ConvertTo(const CalibratedCamera& camera, const std::string& name) {
 void BindCamera(nb::module_& module) {
   using Camera = CalibratedCamera;
   nb::class_<Camera>(module, "Camera")
-      .def_static("make",
-                  &MakeCamera,
-                  nb::arg("name"),
-                  nb::arg("model"),
-                  nb::arg("image_size"),
-                  nb::arg("params"),
-                  nb::arg("config"),
-                  nb::arg("T_camera_rig"),
-                  nb::arg("covariance").none())
+      .def_static("make", &MakeCamera)
       .def_ro("name", &Camera::name)
       .def_ro("image_size", &Camera::image_size)
       .def_ro("at_bound", &Camera::at_bound)
@@ -357,16 +337,16 @@ void BindCamera(nb::module_& module) {
           nb::rv_policy::move)
       .def_prop_ro(
           "fit", [](const Camera& camera) { return FitOf(camera.fit); }, nb::rv_policy::move)
-      .def("project", &Project, nb::arg("points"), nb::arg("context").none())
-      .def("jacobian", &Jacobian, nb::arg("points"), nb::arg("context").none())
-      .def("uncertainty", &Uncertainty, nb::arg("points"), nb::arg("context").none())
-      .def("rays", &Rays, nb::arg("pixels"), nb::arg("context").none())
-      .def("compare", &Compare, nb::arg("other"), nb::arg("distances"))
-      .def("convert", &ConvertTo, nb::arg("model"))
+      .def("project", &Project)
+      .def("jacobian", &Jacobian)
+      .def("uncertainty", &Uncertainty)
+      .def("rays", &Rays)
+      .def("compare", &Compare)
+      .def("convert", &ConvertTo)
       .def("image_sigma",
-           &ImageSigma,
-           nb::arg("distances"),
-           nb::call_guard<nb::gil_scoped_release>())
+           [](const Camera& camera, const std::vector<double>& distances) {
+             return Call([&] { return ImageSigma(camera, distances); });
+           })
       .def("yaml", [](const Camera& camera) { return GivenCamerasYaml(std::array{camera}, {}); });
 }
 

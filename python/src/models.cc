@@ -12,18 +12,14 @@
 #include <array>
 #include <cmath>
 #include <deque>
-#include <exception>
 #include <limits>
-#include <map>
-#include <mutex>
 #include <tuple>
 
 #include "calib/base/error.h"
-#include "calib/base/parallel.h"
 #include "models/registry.h"
 #include "models/start/central_model.h"
 #include "models/start/central_start.h"
-#include "python/src/bindings.h"
+#include "python/src/run.h"
 
 namespace plenocal::python {
 namespace {
@@ -46,12 +42,8 @@ struct Slot {
 std::array<Slot, kSlots> slots;
 size_t used_slots = 0;
 
-std::mutex failure_lock;
-/// By run (`run_of_thread`), the first exception in a model.
-std::map<const void*, std::exception_ptr> failures;
-
-/// The result of a call into Python, which runs at once in one thread; after an exception, which is
-/// kept for `RethrowFromModel`, nothing, and its run stops.
+/// Calls into Python, which works in one thread at a time; false after an exception, which the
+/// `EngineCall` of this thread throws.
 template <typename Function>
 bool CallModel(const Function& function) {
   const nb::gil_scoped_acquire acquire;
@@ -59,8 +51,7 @@ bool CallModel(const Function& function) {
     function();
     return true;
   } catch (...) {
-    const std::lock_guard lock(failure_lock);
-    failures.try_emplace(run_of_thread, std::current_exception());
+    EngineCall::KeepException();
     return false;
   }
 }
@@ -287,33 +278,6 @@ void Register(const nb::object& object,
 
 }  // namespace
 
-bool HasModelFailed(const void* run) {
-  const std::lock_guard lock(failure_lock);
-  return failures.contains(run);
-}
-
-void RethrowFromModel(const void* run) {
-  std::exception_ptr found;
-  {
-    const std::lock_guard lock(failure_lock);
-    if (const auto failure = failures.find(run); failure != failures.end()) {
-      found = failure->second;
-      failures.erase(failure);
-    }
-  }
-  if (found) std::rethrow_exception(found);
-}
-
-void BindModels(nb::module_& module) {
-  module.def("register_model",
-             &Register,
-             nb::arg("object"),
-             nb::arg("name"),
-             nb::arg("source"),
-             nb::arg("params"),
-             nb::arg("example"),
-             nb::arg("example_size"),
-             nb::arg("has_jacobian"));
-}
+void BindModels(nb::module_& module) { module.def("register_model", &Register); }
 
 }  // namespace plenocal::python

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The extension module, and errors of the engine as Python's exceptions.
 #include <filesystem>
 #include <string>
 
@@ -50,6 +52,7 @@ NB_MODULE(_core, module) {
   module.attr("__version__") = PLENOCAL_VERSION;
   nb::register_exception_translator(&Translate);
   BindEngine(module);
+  BindImages(module);
   BindProgram(module);
   BindCamera(module);
   BindCalibration(module);

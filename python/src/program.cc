@@ -11,7 +11,7 @@
 #include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
-#include "python/src/bindings.h"
+#include "python/src/run.h"
 
 namespace plenocal::python {
 namespace {
@@ -27,14 +27,8 @@ int RunAsProgram(std::vector<std::string> texts) {
 void LoadPlugin(const std::string& path) { AddCameraModels(std::filesystem::path(path)); }
 
 std::string CheckNamedModel(const std::string& name) {
-  std::string text;
   size_t violated = 0;
-  {
-    const nb::gil_scoped_release release;
-    text = CheckModel(*ModelNamed("check_model", name), &violated);
-  }
-  RethrowFromModel();
-  return text;
+  return Call([&] { return CheckModel(*ModelNamed("check_model", name), &violated); });
 }
 
 nb::list Models() {
@@ -71,11 +65,11 @@ nb::dict ModelInfo(const std::string& name) {
 
 void BindProgram(nb::module_& module) {
   SilenceSolver();
-  module.def("run_as_program", &RunAsProgram, nb::arg("arguments"));
-  module.def("load_plugin", &LoadPlugin, nb::arg("path"));
+  module.def("run_as_program", &RunAsProgram);
+  module.def("load_plugin", &LoadPlugin);
   module.def("models", &Models);
-  module.def("check_model", &CheckNamedModel, nb::arg("name"));
-  module.def("model_info", &ModelInfo, nb::arg("name"));
+  module.def("check_model", &CheckNamedModel);
+  module.def("model_info", &ModelInfo);
 }
 
 }  // namespace plenocal::python

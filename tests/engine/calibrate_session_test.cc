@@ -4,9 +4,11 @@
 #include "engine/calibrate_session.h"
 
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <future>
 #include <stdexcept>
 #include <stop_token>
@@ -14,45 +16,15 @@
 #include <vector>
 
 #include "calib/base/error.h"
-#include "calib/camera/rigid_transform.h"
 #include "calib/files/calibration_file.h"
 #include "engine/session/memory_session.h"
-#include "models/registry.h"
-#include "targets/target.h"
-#include "tests/calib/random.h"
+#include "tests/engine/pinhole_board.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
 
 using ::testing::HasSubstr;
 using EngineRun = plenocal::Run;  // GoogleTest has a function of this name
-
-constexpr const char* kBoard = "chessboard:7x5:40mm";
-constexpr double kFocal = 600;  // px
-
-// A pinhole camera of 640 x 480 px before a board, as points with noise of 0.1 px.
-MemoryCamera PinholeBeforeBoard(unsigned seed) {
-  Random random(seed);
-  MemoryCamera camera{
-      .name = "left", .model = FindModel(CameraModels(), "pinhole"), .image_size = {640, 480}};
-  const Target board = TargetOfWord(kBoard);
-  for (int frame = 0; frame < 10; ++frame) {
-    const Eigen::Vector3d w(
-        random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5), random.Uniform(-0.3, 0.3));
-    const RigidTransform T_camera_target{ExpRotation(w), {-0.12, -0.08, random.Uniform(0.4, 0.6)}};
-    View view{.frame = std::to_string(frame), .observations = {}};
-    for (const auto& [marker, position] : board.markers) {
-      const Eigen::Vector3d p = T_camera_target * position;
-      Observation& seen = view.observations.emplace_back();
-      seen.marker = marker;
-      seen.values[0] = 320 + kFocal * p.x() / p.z() + random.Gaussian(0.1);
-      seen.values[1] = 240 + kFocal * p.y() / p.z() + random.Gaussian(0.1);
-      seen.detector_sigma = 0.1;
-    }
-    camera.views.push_back(std::move(view));
-  }
-  return camera;
-}
 
 CalibrateRequest RequestOf(unsigned seed) {
   CalibrateRequest request;
@@ -74,6 +46,27 @@ TEST(CalibrateSessions, InMemoryFindTheCameraAndWriteNothing) {
   EXPECT_EQ(found.folders->out(), nullptr);
   const auto after = std::filesystem::directory_iterator(std::filesystem::current_path());
   EXPECT_EQ(std::distance(begin(after), end(after)), files);
+}
+
+TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("plenocal_working_" + std::to_string(getpid()));
+  std::filesystem::create_directory(folder);
+  std::ofstream(folder / "session.yaml") << "another's\n";
+  std::filesystem::current_path(folder);
+  CalibrateRequest request;
+  request.images.images = {"none.png"};
+  request.images.target = kBoard;
+  std::string message;
+  try {
+    CalibrateSession(request, {});
+  } catch (const Error& error) {
+    message = error.what();
+  }
+  std::filesystem::current_path(before);
+  std::filesystem::remove_all(folder);
+  EXPECT_THAT(message, HasSubstr("none.png"));
 }
 
 TEST(CalibrateSessions, SideBySideGiveTheBytesOfOneAfterTheOther) {

@@ -157,13 +157,68 @@ def test_given_cameras_are_exported(tmp_path: pathlib.Path) -> None:
     assert "PINHOLE 640 480" in (tmp_path / "cameras.txt").read_text()
 
 
-def test_commands(session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path) -> None:
+def test_models_are_tried(session: plenocal.Session, calibration: plenocal.Calibration) -> None:
     rows = plenocal.try_models(session, models=["pinhole", calibration[0].model], folds=2)
     assert {row["model"] for row in rows} == {"pinhole", calibration[0].model}
+    with pytest.raises(plenocal.InputError, match="folds: expected a number from 2"):
+        plenocal.try_models(session, folds=1)
+
+
+def test_a_session_is_detected_into_tables(session: plenocal.Session, tmp_path: pathlib.Path) -> None:
+    points = plenocal.detect_session(session, tmp_path / "out")
+    (name,) = points
+    assert points[name].dtype.names == ("frame", "marker", "x", "y", "sigma")
+    frames = {
+        str(frame): points[name][points[name]["frame"] == frame] for frame in np.unique(points[name]["frame"])
+    }
+    again = plenocal.Session.from_points(
+        None, session.target, {name: {"model": "pinhole-radtan", "image_size": (640, 480), "points": frames}}
+    )
+    assert sum(len(table) for table in plenocal.detect_session(again).values()) == len(points[name])
+
+
+def test_a_check_is_data_and_files_where_they_are_wanted(
+    session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
     check = plenocal.check(calibration, session)
     assert check["valid"] is True
-    differences = plenocal.compare(calibration, calibration)
-    assert differences[0]["largest"] < 1e-9
+    out = tmp_path / "out"
+    again = plenocal.check(plenocal.calibrate(session), session, out)
+    assert again["valid"] is True and again["frames"] == check["frames"]
+    assert again["cameras"][0]["rms_expected"] == pytest.approx(check["cameras"][0]["rms_expected"], rel=1e-6)
+    assert sorted(file.name for file in out.iterdir() if not file.name.startswith(".")) == [
+        "check.json",
+        "compare.csv",
+        "difference.png",
+    ]
+    assert json.loads((out / "check.json").read_text()) == again
+    with pytest.raises(plenocal.InputError, match="other=left"):
+        plenocal.check(calibration, session, map={"other": "left"})
+
+
+def test_differences_of_calibrations_in_memory_are_those_of_files(
+    session: plenocal.Session,
+    calibration: plenocal.Calibration,
+    tmp_path: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A calibration of that name in the working folder is another one.
+    (tmp_path / "calibration.yaml").write_text("no calibration")
+    monkeypatch.chdir(tmp_path)
+    found = plenocal.calibrate(session)
+    assert found.path == ""
+    assert plenocal.compare(found, found)[0]["largest"] < 1e-9
+    camera = found[0]
+    moved = plenocal.Camera(camera.model, camera.image_size, camera.params + 1e-3, covariance=camera.covariance)
+    other = plenocal.Calibration.of_cameras([moved])
+    rows = plenocal.compare(found, other, "out", distances=[0.5, float("inf")])
+    assert {row["distance"] for row in rows} == {0.5, float("inf")}
+    assert (tmp_path / "out/compare.csv").exists() and (tmp_path / "out/difference.png").exists()
+    of_files = plenocal.compare(pathlib.Path(calibration.path).parent, other, distances=[0.5, float("inf")])
+    for row, of_file in zip(rows, of_files):
+        assert row["largest"] == pytest.approx(of_file["largest"], abs=1e-5)
+    with pytest.raises(plenocal.InputError, match="distances: expected positive"):
+        plenocal.compare(found, other, distances=[-1])
 
 
 def test_suggested_views_lower_sigma(calibration: plenocal.Calibration) -> None:
@@ -171,10 +226,59 @@ def test_suggested_views_lower_sigma(calibration: plenocal.Calibration) -> None:
     (view,) = found["views"]
     assert np.array(view["T_camera_target"]).shape == (4, 4)
     assert 0 < view["sigma_after"] < view["sigma_before"] == found["sigma_now"]
+    with pytest.raises(plenocal.InputError, match="tilt: expected a number from 0 to 75, found 80"):
+        plenocal.suggest(calibration, tilt=80)
+    with pytest.raises(plenocal.InputError, match="near: expected a positive number"):
+        plenocal.suggest(calibration, near=-1)
     first = plenocal.suggest(target="chessboard:9x6:25mm", size=(1280, 960), angle=70, count=1)
     assert first["frames"] == 0 and first["views"][0]["criterion"] == "undetermined"
     with pytest.raises(plenocal.InputError, match="size: expected width and height"):
         plenocal.suggest(target="chessboard:9x6:25mm", size=(1280,))
+
+
+def test_suggestions_in_memory_are_those_of_files(
+    session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path
+) -> None:
+    picture = tmp_path / "next.svg"
+    of_files = plenocal.suggest(calibration, count=2, goal=1e-6, picture=picture)
+    assert "<svg" in picture.read_text()
+    found = plenocal.suggest(plenocal.calibrate(session), count=2, goal=1e-6)
+    assert [view["words"] for view in found["views"]] == [view["words"] for view in of_files["views"]]
+    assert found["sigma_now"] == pytest.approx(of_files["sigma_now"], rel=1e-6)
+    of_session = plenocal.suggest(session, count=1, goal=1e-6)
+    assert of_session["views"][0]["words"] == of_files["views"][0]["words"]
+    given = plenocal.Calibration.of_cameras([calibration[0]])
+    with pytest.raises(plenocal.InputError, match="the calibration has no target"):
+        plenocal.suggest(given)
+
+
+def test_a_picture_is_weighed(tmp_path: pathlib.Path) -> None:
+    files = sorted(CHESSBOARDS.glob("left*.jpg"))
+    plenocal.calibrate(
+        images=files[:6], target="chessboard:9x6:25mm", model="pinhole-radtan4", out=tmp_path / "out", report=False
+    )
+    worth = plenocal.weigh(tmp_path / "out", files[7])
+    assert worth["points"] == 54 and worth["sigma_after"] < worth["sigma_now"]
+    with pytest.raises(plenocal.InputError, match="no camera 'right'"):
+        plenocal.weigh(tmp_path / "out", {"right": files[7]})
+
+
+def test_an_image_in_memory_is_located() -> None:
+    cv2 = pytest.importorskip("cv2")
+    files = sorted(CHESSBOARDS.glob("left*.jpg"))
+    target = plenocal.Target("chessboard:9x6:25mm")
+    calibration = plenocal.calibrate(images=files, target=target, model="pinhole-radtan4")
+    image = cv2.imread(str(files[0]), cv2.IMREAD_GRAYSCALE)
+    (found,) = plenocal.locate(calibration, target, {"now": image})
+    (of_file,) = plenocal.locate(calibration, target, files[0])
+    assert found["image"] == "now" and of_file["image"] == str(files[0])
+    assert found["covariance"].shape == (6, 6)
+    np.testing.assert_allclose(found["T_map_camera"], of_file["T_map_camera"], atol=1e-12)
+    np.testing.assert_allclose(found["T_map_camera"][:3, 3], found["translation"])
+    pose = calibration.poses[0]["T_target_rig"]
+    np.testing.assert_allclose(found["T_map_camera"], pose, atol=2e-3)
+    with pytest.raises(plenocal.InputError, match="frame now: 700 x 480 px, but the calibration"):
+        plenocal.locate(calibration, target, {"now": np.pad(image, ((0, 0), (0, 60)))})
 
 
 def test_located_views_are_where_the_calibration_has_them(
@@ -204,6 +308,13 @@ def test_a_limit_for_the_size_of_files_is_an_exception(
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert (signal.getsignal(signal.SIGXFSZ), signal.getsignal(signal.SIGPIPE)) == before
     assert list(tmp_path.iterdir()) == []
+
+
+def test_arguments_out_of_range_are_refused(session: plenocal.Session) -> None:
+    with pytest.raises(plenocal.InputError, match="threads: expected a number from 0 to 1024, found -1"):
+        plenocal.calibrate(session, threads=-1)
+    with pytest.raises(plenocal.InputError, match="require: expected 'good' or 'usable'"):
+        plenocal.calibrate(session, require="bad")
 
 
 def test_messages_are_those_of_the_program(tmp_path: pathlib.Path) -> None:
@@ -255,7 +366,8 @@ def test_ctrl_c_stops_a_command(session: plenocal.Session, tmp_path: pathlib.Pat
         signal.sigtimedwait([], 1)
 
 
-def test_two_threads_calibrate_two_sets_at_once(
+@pytest.mark.skipif(not PROGRAM, reason="PLENOCAL_PROGRAM names no program")
+def test_two_threads_calibrate_two_sets_at_once_as_the_program_one_after_the_other(
     session: plenocal.Session, tmp_path: pathlib.Path
 ) -> None:
     other = plenocal.simulate(_specification(tmp_path, seed=8), tmp_path / "other", points=True)
@@ -269,8 +381,15 @@ def test_two_threads_calibrate_two_sets_at_once(
                 running.append(name)
             together.append(len(running) == 2)
 
-        plenocal.calibrate(sets[name], tmp_path / "at_once" / name, progress=progress)
+        plenocal.calibrate(sets[name], tmp_path / "out" / name, progress=progress)
         running.remove(name)
+
+    # The program, one set after the other.
+    for name, each in sets.items():
+        subprocess.run(
+            [PROGRAM, "calibrate", each.path, "-o", tmp_path / "out" / name], check=True, capture_output=True
+        )
+    (tmp_path / "out").rename(tmp_path / "program")
 
     threads = [threading.Thread(target=work, args=(name,)) for name in sets]
     for thread in threads:
@@ -278,11 +397,12 @@ def test_two_threads_calibrate_two_sets_at_once(
     for thread in threads:
         thread.join()
     assert any(together)
-    for name, each in sets.items():
-        plenocal.calibrate(each, tmp_path / "alone" / name)
-        for file in ("calibration.yaml", "poses.csv", "residuals.csv", "correlations.csv", "target.yaml"):
-            texts = [(tmp_path / how / name / file).read_text() for how in ("at_once", "alone")]
-            assert texts[0].replace("at_once", "alone") == texts[1], file
+    for name in sets:
+        found, expected = (tmp_path / how / name for how in ("out", "program"))
+        names = sorted(p.name for p in expected.iterdir() if p.is_file())
+        assert {"calibration.yaml", "poses.csv", "residuals.csv", "correlations.csv", "target.yaml"} <= set(names)
+        _, mismatch, errors = filecmp.cmpfiles(found, expected, names, shallow=False)
+        assert not mismatch and not errors
 
 
 def test_a_run_is_stopped_alone(session: plenocal.Session) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import os
 import pathlib
+import threading
+import time
 from typing import Any, ClassVar, Sequence
 
 import numpy as np
@@ -132,6 +134,58 @@ def test_an_exception_in_project_is_raised(tmp_path: pathlib.Path) -> None:
     pathlib.Path(session.path).write_text(text)
     with pytest.raises(ZeroDivisionError, match="in the model"):
         plenocal.calibrate(session, report=False)
+
+
+class BreaksLate(Stereographic):
+    """Raises after some thousand points: while the parameters are adjusted."""
+
+    name = "py-breaks-late"
+    points = 0
+
+    def project(self, params: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
+        BreaksLate.points += 1
+        if BreaksLate.points > 3000:
+            raise ZeroDivisionError("in the model")
+        return super().project(params, point)
+
+
+plenocal.register(BreaksLate)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_exception_in_project_ends_its_own_run_alone(tmp_path: pathlib.Path, threads: int) -> None:
+    good = simulate(tmp_path / "good", Stereographic.name)
+    broken = pathlib.Path(simulate(tmp_path / "broken", Stereographic.name).path)
+    broken.write_text(broken.read_text().replace(Stereographic.name, BreaksLate.name))
+    alone = plenocal.calibrate(good, threads=threads)
+    BreaksLate.points = 0
+    results: dict[str, Any] = {}
+
+    def work(name: str, session: Any) -> None:
+        try:
+            results[name] = plenocal.calibrate(session, threads=threads)
+        except ZeroDivisionError as error:
+            results[name] = error
+
+    def fail_beside_runs() -> None:
+        camera = plenocal.Camera(BreaksLate.name, (640, 480), Stereographic.example)
+        while running:
+            if BreaksLate.points > 3000:
+                with pytest.raises(ZeroDivisionError):
+                    camera.project([[0.0, 0.0, 1.0]])
+            time.sleep(0.001)
+
+    running = True
+    beside = threading.Thread(target=fail_beside_runs)
+    runs = [threading.Thread(target=work, args=run) for run in (("good", good), ("broken", broken))]
+    for thread in (beside, *runs):
+        thread.start()
+    for thread in runs:
+        thread.join()
+    running = False
+    beside.join()
+    assert str(results["broken"]) == "in the model"
+    np.testing.assert_array_equal(results["good"][0].params, alone[0].params)
 
 
 @pytest.mark.skipif(not PLUGIN, reason="PLENOCAL_TEST_PLUGIN names no plug-in")

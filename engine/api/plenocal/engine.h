@@ -93,7 +93,7 @@ struct FramePoints {
 /// One camera of a rig: images or points.
 struct Source {
   std::string name;
-  std::string model;  ///< as `plenocal models` lists them; empty: chosen by held-out frames
+  std::string model = {};  ///< as `plenocal models` lists them; empty: chosen by held-out frames
   std::vector<Image> images = {};
   std::vector<FramePoints> points = {};
   int width = 0, height = 0;  ///< of points: the images' size, px
@@ -131,11 +131,17 @@ struct Finding {
 };
 
 struct Calibration {
+  struct Data;
+
+  /// That of a folder of `plenocal calibrate`, or of a calibration.yaml.
+  static Calibration Read(const std::string& path);
+
   std::vector<Camera> cameras;  ///< the ordinary ones, the rig's master first
   Grade grade = Grade::kGood;   ///< that of the worst finding
   std::vector<Finding> findings;
   std::string yaml;     ///< content of calibration.yaml
-  std::string summary;  ///< as `plenocal calibrate` prints it
+  std::string summary;  ///< as `plenocal calibrate` prints it; empty: it was read
+  std::shared_ptr<const Data> data;
 
   /// Throws `Error` of kind kInput for a camera that there is not.
   const Camera& operator[](const std::string& name) const;
@@ -145,5 +151,94 @@ struct Calibration {
 Calibration CalibrateSession(const Session& session,
                              const Options& options = {},
                              const Run& run = {});
+
+/// The points of the target in all images, by camera: sources for another session. Ordinary cameras
+/// only.
+std::vector<Source> DetectSession(const Session& session, const Run& run = {});
+
+/// A camera model, judged by frames that it was not calibrated with.
+struct TriedModel {
+  std::string model;
+  bool recommended = false;
+  double held_out_rms = 0;  ///< px; NaN: it has no score
+  std::string judgement;    ///< against the best model, or why it has no score
+};
+
+/// Tries these models, or all that fit, for the cameras of a session (`plenocal try`).
+std::vector<TriedModel> TrySession(const Session& session,
+                                   const std::vector<std::string>& models = {},
+                                   const Run& run = {});
+
+/// A camera of a calibration before new images.
+struct CheckedCamera {
+  std::string name;
+  bool valid = true;  ///< its parameters and its pose in the rig still hold
+  int points = 0;
+  double rms = 0;                        ///< with the calibration's parameters, px
+  double expected = 0;                   ///< of `rms` if the calibration holds, px
+  double rotation = 0, translation = 0;  ///< of the camera in the rig since then, rad and m
+};
+
+struct Check {
+  bool valid = true;  ///< of all cameras
+  std::vector<CheckedCamera> cameras;
+  std::vector<Finding> findings;
+};
+
+/// Does the calibration hold for new images of its cameras (`plenocal compare --check`)?
+Check CheckSession(const Calibration& calibration, const Session& session, const Run& run = {});
+
+/// How far two calibrations of one camera differ in the image, over all of it.
+struct Difference {
+  std::string camera;
+  double distance = 0;          ///< of the scene, m; infinite: far away
+  double rms = 0, largest = 0;  ///< px
+  double predicted = 0;         ///< RMS by the standard errors of both, px; NaN: not known
+  bool differs = false;         ///< by more than they explain
+};
+
+/// For each camera that both have and each distance, m; without distances at 1 m and far away.
+std::vector<Difference> CompareCalibrations(const Calibration& a,
+                                            const Calibration& b,
+                                            const std::vector<double>& distances = {});
+
+struct SuggestOptions {
+  int count = 5;
+  double nearest = 0, farthest = 0;  ///< of the target, m; 0: as target and lens allow
+  double tilt = 50;                  ///< of the target against the line of sight, at most, degrees
+  double goal = 0.05;                ///< standard error of the projection that suffices, px
+};
+
+/// A pose of the target whose image lowers the standard error of the projection most.
+struct SuggestedView {
+  std::string words;                         ///< "board in the lower left corner, 0.30 m away, ..."
+  std::string camera;                        ///< that sees it
+  std::array<double, 16> T_camera_target{};  ///< 4 x 4, row by row, m
+  double sigma_before = 0, sigma_after = 0;  ///< over the image, px; infinite: not determined
+};
+
+/// Best first, each with those before it taken. The calibration is one before a target.
+std::vector<SuggestedView> SuggestViews(const Calibration& calibration,
+                                        const SuggestOptions& options = {},
+                                        const Run& run = {});
+
+/// Pose of a camera before a target.
+struct Location {
+  std::string frame;
+  std::array<double, 16>
+      T_target_camera{};  ///< 4 x 4, row by row: p_target = T_target_camera p_camera, m
+  /// 6 x 6, row by row: of translation (m) and rotation vector (rad).
+  std::array<double, 36> covariance{};
+  std::size_t points = 0, used = 0;  ///< seen; in agreement with the pose
+  double rms = 0;                    ///< px
+};
+
+/// Of each image that shows enough of the target (a word, a file, or the text of one). `camera`:
+/// empty: the only one. Throws `Error` of kind kJob when no image does.
+std::vector<Location> LocateImages(const Calibration& calibration,
+                                   const std::string& camera,
+                                   const std::string& target,
+                                   const std::vector<Image>& images,
+                                   const Run& run = {});
 
 }  // namespace plenocal::api

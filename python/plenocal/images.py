@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Images: white images, raw plenoptic images, and images of calibrated cameras.
+
+As in `plenocal.commands` each function is a run of the engine in this process.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, NamedTuple, Sequence
+
+from . import _core
+from .arrays import table
+from .calibration import Calibration
+from .camera import Camera
+from .commands import image_size, load, paths
+from .program import Progress, caller
+from .session import Session
+
+if TYPE_CHECKING:
+    from .arrays import FloatArray, PathLike, Table
+
+
+class White(NamedTuple):
+    """What white images say of a camera."""
+
+    camera: str
+    attenuation: Any  #: (H, W) float32, from 0 to 1
+    micro_lenses: Table | None  #: x, y (px), type, row, column, usable; None: of an ordinary camera
+    #: gain, read (grey values), their gain_sigma and read_sigma, saturation, misfit (relative); None: of one image
+    noise: dict[str, float] | None
+    summary: str  #: as the program prints it
+
+
+class Focused(NamedTuple):
+    """A raw plenoptic image, matched against itself."""
+
+    frame: str
+    image: Any  #: (H, W) or (H, W, 3), blue, green, red: all in focus; None: written into a folder
+    depth: Any  #: (H, W) float32: virtual depth, NaN unknown; likewise
+    depth_sigma: Any  #: (H, W) float32: its standard error; likewise
+    summary: str  #: one line
+
+
+class Rectified(NamedTuple):
+    """Rectified images of a stereo pair."""
+
+    cameras: tuple[Camera, Camera]  #: that the written images are of
+    baseline: float  #: m, negative when the second camera lies on the left
+    images: tuple[int, int]  #: number written
+    #: points, frames, rms, mean_absolute, largest (px): rows of the calibration's own detections
+    epipolar: dict[str, float]
+
+
+def white(
+    images: Session | PathLike | Sequence[PathLike],
+    out: PathLike | None = None,
+    *,
+    model: str = "",
+    camera: str = "",
+    bayer: str = "",
+    grid: PathLike = "",
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> list[White]:
+    """Micro-lens grid, attenuation and noise from white images (`plenocal white`).
+
+    Args:
+        images: a `Session` or the file of one; or, with `model`, a folder, a glob or files of one camera.
+        out: folder for vignetting_<camera>.tiff, noise_<camera>.yaml, micro_lenses_<camera>.csv and
+            grid_<camera>.png; None: none are written.
+        model: camera model of the images (`models()`); empty: `images` is a session.
+        camera: name for the results; empty: that of the images' folder.
+        bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
+        grid: RayCalibData XML with the micro-lens grid; empty: it is found in the images.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns what was found of each camera. Raises `InputError`, and `JobError` where images show no grid.
+    """
+    request = _core.WhiteRequest()
+    request.inputs = [images.path] if isinstance(images, Session) else paths(images)
+    request.model = model
+    request.camera = camera
+    request.set_bayer(bayer)
+    request.grid = os.fspath(grid) or None
+    request.out = "" if out is None else os.fspath(out)
+    cameras = []
+    for name, attenuation, lenses, noise, summary in _core.white(request, caller(threads, progress)):
+        if lenses is not None:
+            lenses["usable"] = lenses["usable"].astype(bool)
+        grid = None if lenses is None else table(lenses)
+        cameras.append(White(name, attenuation, grid, noise, summary))
+    return cameras
+
+
+def focus(
+    images: PathLike | Sequence[PathLike],
+    out: PathLike | None = None,
+    *,
+    white: PathLike | Sequence[PathLike] = (),
+    grid: PathLike = "",
+    vignetting: PathLike = "",
+    bayer: str = "",
+    markers: PathLike = "",
+    scale: float = 2,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> list[Focused]:
+    """Totally focused image and virtual depth of raw plenoptic images (`plenocal focus`).
+
+    Args:
+        images: raw images: folders, globs and files.
+        out: folder for the results, of several images of their folders; None: they are returned.
+        white: white images of the camera: folders, globs and files.
+        grid: in place of white images: micro_lenses_<camera>.csv or RayCalibData XML.
+        vignetting: in place of white images: the attenuation, a TIFF file.
+        bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
+        markers: file of a target whose markers' depth is flattened; empty: none.
+        scale: raw pixels per pixel of the results, 0.5 to 16.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the result of each image that could be focused. Raises `InputError`, and `JobError` when none could.
+    """
+    request = _core.FocusRequest()
+    request.raw = paths(images)
+    _set_lenses(request.camera, white, grid, vignetting, bayer)
+    request.markers = os.fspath(markers)
+    request.scale = scale
+    request.out = "" if out is None else os.fspath(out)
+    return [Focused(*found) for found in _core.focus(request, caller(threads, progress))]
+
+
+def rectify(
+    calibration: Calibration | PathLike,
+    left: PathLike,
+    right: PathLike,
+    out: PathLike,
+    *,
+    cameras: Sequence[str] = (),
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    interpolation: str = "linear",
+    keep_vignetting: bool = False,
+    maps: bool = False,
+    preview: bool = False,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> Rectified:
+    """Image files of a stereo pair whose points lie in equal rows (`plenocal rectify`); `rectify_maps` gives tables.
+
+    Args:
+        calibration: a `Calibration`, its folder or its calibration.yaml.
+        left: images of the first camera: a folder, a glob or a file.
+        right: images of the second camera, likewise.
+        out: folder for <camera>/<frame>.png, calibration.yaml and rectification.yaml.
+        cameras: names of the first and the second camera; empty: the calibration's two.
+        size: width and height of the results, px; None: the first camera's.
+        fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
+        balance: 0: every pixel has a source, 1: all that the cameras image; None: likewise.
+        interpolation: "linear", "nearest", "cubic" or "lanczos".
+        keep_vignetting: leave the vignetting in the images that the calibration has.
+        maps: write remap tables, too.
+        preview: write pictures of the pairs, too.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Raises `InputError` for images that do not fit the calibration.
+    """
+    request = _core.RectifyRequest()
+    request.left = os.fspath(left)
+    request.right = os.fspath(right)
+    request.cameras = list(cameras)
+    _set_view(request.view, size, fov, balance)
+    request.settings.interpolation = interpolation
+    request.settings.keep_vignetting = keep_vignetting
+    request.maps = maps
+    request.preview = preview
+    request.out = os.fspath(out)
+    views, baseline, counts, epipolar = _core.rectify(load(calibration)._native, request, caller(threads, progress))
+    return Rectified((Camera._of(views[0]), Camera._of(views[1])), baseline, (counts[0], counts[1]), epipolar)
+
+
+def undistort(
+    calibration: Calibration | PathLike,
+    images: PathLike | Sequence[PathLike],
+    out: PathLike,
+    *,
+    camera: str = "",
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    interpolation: str = "linear",
+    bayer: str = "",
+    keep_vignetting: bool = False,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Camera, int]:
+    """Image files as a pinhole camera takes them (`plenocal undistort`); `undistort_maps` gives tables.
+
+    Args:
+        calibration: a `Calibration`, its folder or its calibration.yaml.
+        images: folders, globs and files; of a plenoptic camera raw images.
+        out: folder for <frame>.png, of a plenoptic camera also the depth, and calibration.yaml.
+        camera: the camera of the images; empty: the calibration's only one.
+        size: width and height of the results, px; None: the camera's.
+        fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
+        balance: 0: every pixel has a source, 1: all that the camera images; None: likewise.
+        interpolation: "linear", "nearest", "cubic" or "lanczos".
+        bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
+        keep_vignetting: leave the vignetting in the images that the calibration has.
+        threads: number of threads; 0: one a core.
+        progress: called with a text on the present stage, from any thread.
+
+    Returns the camera that the written images are of, and their number. Raises `InputError` for images that do not fit
+    the calibration.
+    """
+    request = _core.UndistortRequest()
+    request.images = paths(images)
+    request.camera = camera
+    _set_view(request.view, size, fov, balance)
+    request.settings.interpolation = interpolation
+    request.settings.keep_vignetting = keep_vignetting
+    request.settings.set_bayer(bayer)
+    request.out = os.fspath(out)
+    view, count = _core.undistort(load(calibration)._native, request, caller(threads, progress))
+    return Camera._of(view), count
+
+
+def undistort_maps(
+    camera: Camera,
+    *,
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    threads: int = 0,
+) -> tuple[FloatArray, FloatArray, Camera]:
+    """Tables for cv2.remap, and the pinhole camera whose images they make (`plenocal map`).
+
+    Args:
+        camera: an ordinary camera.
+        size: width and height of the new images, px; None: the camera's.
+        fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
+        balance: 0: every pixel has a source, 1: all that the camera images; None: likewise.
+        threads: number of threads; 0: one a core.
+
+    Returns map_x and map_y, (H, W) float32, px, -1 where the camera images nothing, and the new camera.
+    """
+    options = _set_view(_core.ViewOptions(), size, fov, balance)
+    x, y, view = _core.undistort_maps(camera._native, options, threads)
+    return x, y, Camera._of(view)
+
+
+def rectify_maps(
+    first: Camera,
+    second: Camera,
+    *,
+    size: Sequence[int] | None = None,
+    fov: float | None = None,
+    balance: float | None = None,
+    threads: int = 0,
+) -> tuple[tuple[FloatArray, FloatArray, Camera], tuple[FloatArray, FloatArray, Camera], float]:
+    """Tables for cv2.remap of a stereo pair, whose points then lie in equal rows.
+
+    Args:
+        first: an ordinary camera of a rig.
+        second: another.
+        size: width and height of the new images, px; None: the first camera's.
+        fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
+        balance: 0: every pixel has a source, 1: all that the cameras image; None: likewise.
+        threads: number of threads; 0: one a core.
+
+    Returns for each camera map_x, map_y, new camera as `undistort_maps` does, and the baseline, m (negative when the
+    second camera lies on the left).
+    """
+    options = _set_view(_core.ViewOptions(), size, fov, balance)
+    one, two, baseline = _core.rectify_maps(first._native, second._native, options, threads)
+    return (*one[:2], Camera._of(one[2])), (*two[:2], Camera._of(two[2])), baseline
+
+
+def _set_view(
+    options: _core.ViewOptions, size: Sequence[int] | None, fov: float | None, balance: float | None
+) -> _core.ViewOptions:
+    options.size = image_size(size)
+    options.fov = fov
+    options.balance = balance
+    return options
+
+
+def _set_lenses(
+    lenses: _core.PlenopticInputs,
+    white: PathLike | Sequence[PathLike],
+    grid: PathLike,
+    vignetting: PathLike,
+    bayer: str,
+) -> None:
+    lenses.white = paths(white)
+    lenses.grid = os.fspath(grid)
+    lenses.vignetting = os.fspath(vignetting)
+    lenses.set_bayer(bayer)
