@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "bench/speed/usage_seconds.h"
+#include "detectors/plenoptic/depth/depth_survey.h"
 #include "detectors/plenoptic/depth/image_synthesis.h"
 #include "detectors/plenoptic/white/grid_mismatch.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"

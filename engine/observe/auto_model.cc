@@ -14,6 +14,7 @@
 
 #include "assess/model_trial.h"
 #include "engine/session/calibration_input.h"
+#include "engine/session/open_session.h"
 #include "models/registry.h"
 
 namespace plenocal {
