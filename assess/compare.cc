@@ -290,6 +290,7 @@ class Comparison {
     for (size_t p = 0; p < parts.size(); ++p) {
       at.parts[p] = Judge(system, M, parts[p], rows_, result_.has_prediction);
       at.parts[p].differs = result_.has_prediction && at.parts[p].probability < limit;
+      at.all.differs = at.all.differs || at.parts[p].differs;
     }
     return at;
   }

@@ -20,7 +20,7 @@ struct ImageDifference {
   double predicted = 0;  ///< rms that the covariances of both predict, px; infinite when open
   /// Probability of a larger rms by the predicted errors alone; 1 without points.
   double probability = 1;
-  bool differs = false;  ///< by more than the prediction explains
+  bool differs = false;  ///< by more than the prediction explains; of the whole image: a part does
 };
 
 /// A pixel of the grid that is compared.

@@ -89,8 +89,8 @@ def white(
     for name, attenuation, lenses, noise, summary in _core.white(request, caller(threads, progress)):
         if lenses is not None:
             lenses["usable"] = lenses["usable"].astype(bool)
-        grid = None if lenses is None else table(lenses)
-        cameras.append(White(name, attenuation, grid, noise, summary))
+        found = None if lenses is None else table(lenses)
+        cameras.append(White(name, attenuation, found, noise, summary))
     return cameras
 
 

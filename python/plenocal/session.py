@@ -115,7 +115,7 @@ class Session:
         target = target if isinstance(target, Target) else Target(target)
         found = cls.__new__(cls)
         found._images = cameras
-        native = [(name, model, [], frames, []) for name, frames in cameras]
+        native: list[Any] = [(name, model, [], frames, []) for name, frames in cameras]
         found._native = _core.session_of_arrays(target.yaml, native)
         return found
 

@@ -48,7 +48,7 @@ class Documentation : public Workspace {
   /// The verdict in a report: its findings in words.
   [[nodiscard]] std::string Verdict(const std::string& folder) const {
     const std::string page = Read(folder + "/report.html");
-    const size_t begin = page.find("\"verdict\":");
+    const size_t begin = page.find("\"headline\":");
     return begin == std::string::npos ? "" : page.substr(begin);
   }
 };

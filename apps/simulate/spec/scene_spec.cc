@@ -68,8 +68,8 @@ void ReadTrajectorySpec(const YamlNode& node,
   const SpecKey frames{"frames", &spec->frames, 2, 1e6}, whole{"whole", &spec->whole};
   if (node.Has("file")) {
     spec->shape = TrajectorySpec::Shape::kGiven;
-    spec->given = ReadTrajectory(PathBeside(path, node.At("file")), {});
     ReadKeys(node, {segment, frames, whole}, {"file"});
+    spec->given = ReadTrajectory(PathBeside(path, node.At("file")), {});
     return;
   }
   ReadKeys(node,
