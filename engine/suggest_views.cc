@@ -55,8 +55,9 @@ SuggestedViews BasisOfImages(const CalibrationRecord& calibration,
   }
   const MarkerFreedom marker_freedom =
       calibration.adjustment.value_or(AdjustmentRecord{}).marker_freedom;
-  return {
-      MakeFirstRigEstimate(cameras, target.markers, marker_freedom), MakeViewTarget(target), calibration.verdict};
+  return {MakeFirstRigEstimate(cameras, target.markers, marker_freedom),
+          MakeViewTarget(target),
+          calibration.verdict};
 }
 
 // Micro lenses are in the folder that the calibration of a plenoptic camera was written to.
@@ -142,8 +143,8 @@ SuggestedViews BasisOfSession(Session session, const SuggestRequest& request, co
         fmt::format("{}; a lens of {:.0f} degrees is assumed", error.what(), request.angle));
   }
   return {MakeFirstRigEstimate(FirstCameras(session, observations.cameras, request),
-                   target.markers,
-                   input.marker_freedom),
+                               target.markers,
+                               input.marker_freedom),
           MakeViewTarget(target),
           std::nullopt};
 }
@@ -157,11 +158,11 @@ SuggestedViews BasisOfLens(const SuggestRequest& request) {
   }
   const Target target = ReadTarget(TargetNamed(request.target));
   return {MakeFirstRigEstimate({{.name = "camera",
-                     .model = ModelNamed("--model", request.model),
-                     .image_size = *request.size,
-                     .angle = Radians(request.angle)}},
-                   target.markers,
-                   MarkerFreedom::Rigid()),
+                                 .model = ModelNamed("--model", request.model),
+                                 .image_size = *request.size,
+                                 .angle = Radians(request.angle)}},
+                               target.markers,
+                               MarkerFreedom::Rigid()),
           MakeViewTarget(target),
           std::nullopt};
 }
@@ -233,8 +234,8 @@ SuggestedViews SuggestViews(const CalibrationRecord& calibration,
 }
 
 PictureGain EvaluatePictures(const std::filesystem::path& calibration,
-                           const std::map<std::string, FrameImage>& pictures,
-                           const Run& run) {
+                             const std::map<std::string, FrameImage>& pictures,
+                             const Run& run) {
   const RunScope inputs;
   const std::filesystem::path folder = FolderOf(calibration);
   if (folder.empty()) {

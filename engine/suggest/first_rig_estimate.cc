@@ -99,8 +99,8 @@ void CheckCamera(const FirstCamera& camera) {
 }  // namespace
 
 RigEstimate MakeFirstRigEstimate(const std::vector<FirstCamera>& cameras,
-                      const std::map<int, Eigen::Vector3d>& markers,
-                      MarkerFreedom marker_freedom) {
+                                 const std::map<int, Eigen::Vector3d>& markers,
+                                 MarkerFreedom marker_freedom) {
   RigEstimate rig;
   Bundle& bundle = rig.bundle;
   bundle.marker_freedom = marker_freedom;

@@ -26,7 +26,7 @@ struct FirstCamera {
 /// Throws `Error` of kind kInput for plenoptic models, which need white images, and where the model
 /// cannot have this angle.
 RigEstimate MakeFirstRigEstimate(const std::vector<FirstCamera>& cameras,
-                      const std::map<int, Eigen::Vector3d>& markers,
-                      MarkerFreedom marker_freedom);
+                                 const std::map<int, Eigen::Vector3d>& markers,
+                                 MarkerFreedom marker_freedom);
 
 }  // namespace plenocal
