@@ -87,7 +87,8 @@ void WriteImages(std::vector<ImageTask> tasks,
                  const Progress& progress,
                  OutputFolder* out) {
   RefuseOtherImages(tasks, folder);
-  std::ranges::stable_partition(tasks, &ImageTask::slow);
+  std::stable_partition(
+      tasks.begin(), tasks.end(), [](const ImageTask& task) { return task.slow; });
   std::mutex mutex;
   size_t done = 0;
   ParallelFor(tasks.size(), threads, [&](size_t i) {
