@@ -13,7 +13,7 @@ namespace plenocal {
 namespace {
 
 std::vector<Finding> FindFewPoints(const CauseEvidence& evidence) {
-  constexpr size_t kLeast = 20;  // points of an image: a pose takes three, a lens as many as it has
+  constexpr size_t kLeast = 20;  // points of an image; three determine its pose
   const auto& observations = evidence.calibration->bundle.observations;
   std::vector<size_t> counts;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
@@ -28,8 +28,7 @@ std::vector<Finding> FindFewPoints(const CauseEvidence& evidence) {
            .grade = Grade::kUsable,
            .value = static_cast<double>(typical),
            .limit = static_cast<double>(kLeast),
-           .what = fmt::format(
-               "half of the images have at most {} points of the target.", evidence.name, typical),
+           .what = fmt::format("half of the images have at most {} points of the target.", typical),
            .remedy = "Use a target with more points."}};
 }
 
