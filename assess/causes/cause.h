@@ -49,7 +49,7 @@ struct CauseEvidence {
   std::vector<ViewRows> views = {};
 };
 
-/// One cause, or several that one test tells apart.
+/// One cause, or several that are separated by one test.
 struct Cause {
   CauseStage stage = CauseStage::kPoints;
   /// Findings with code, grade and text; none where the cause is not in the data.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class White(NamedTuple):
-    """What white images say of a camera."""
+    """Results of the white images of one camera."""
 
     camera: str
     attenuation: Any  #: (H, W) float32, from 0 to 1

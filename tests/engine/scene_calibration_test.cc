@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A camera calibrated from tracks of points whose positions nobody knows.
+// Calibration of a camera from tracks of scene points without nominal positions.
 #include "engine/scene/scene_calibration.h"
 
 #include <gtest/gtest.h>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// plenocal-video FILE: decodes a video for `VideoStore`, which asks for its frames through the
-// socket that is the standard input. A program of its own, since OpenCV's videoio brings 220 shared
-// libraries, which take .1 s to load, and settings of FFmpeg that belong to the whole process.
+// Program plenocal-video FILE: decodes the frames of a video that `VideoStore` requests through the
+// socket at standard input. It is a program of its own because OpenCV's videoio loads 220 shared
+// libraries (0.1 s) and sets options of FFmpeg for the whole process.
 #include <unistd.h>
 
 #include <cstdio>
