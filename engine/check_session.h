@@ -11,7 +11,7 @@
 #include "calib/base/run.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/session.h"
-#include "engine/compare_calibrations.h"
+#include "engine/compare_files.h"
 #include "engine/session/run_folders.h"
 #include "engine/session/session_options.h"
 

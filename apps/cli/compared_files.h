@@ -7,7 +7,7 @@
 #include <string>
 
 #include "calib/io/output_folder.h"
-#include "engine/compare_calibrations.h"
+#include "engine/compare_files.h"
 
 namespace plenocal {
 

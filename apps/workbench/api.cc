@@ -25,7 +25,7 @@
 #include "calib/files/frame_images.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/yaml.h"
-#include "engine/compare_calibrations.h"
+#include "engine/compare_files.h"
 #include "engine/exchange/export_calibration.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/suggest_views.h"

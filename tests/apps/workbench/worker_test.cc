@@ -13,7 +13,7 @@
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/run_json.h"
 #include "apps/workbench/worker/worker_process.h"
-#include "engine/compare_calibrations.h"
+#include "engine/compare_files.h"
 #include "tests/apps/calibration_schema.h"
 #include "tests/apps/workspace.h"
 

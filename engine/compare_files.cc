@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "engine/compare_calibrations.h"
+#include "engine/compare_files.h"
 
 #include "calib/base/names.h"
 #include "calib/io/input_file.h"
