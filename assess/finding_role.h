@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Roles of findings by their codes: what a finding explains, and what explains it.
+// Roles of findings by their codes: which findings explain which others.
 #pragma once
 
 #include <span>
@@ -8,18 +8,18 @@
 
 namespace plenocal {
 
-/// Part of a finding among the others of a calibration (`Judge`, `Diagnose`).
+/// Relation of a finding to the other findings of a calibration (`Judge`, `Diagnose`).
 enum class FindingRole {
-  kConsequence,  ///< a figure or a note: explains no other
-  kOutlier,      ///< images or points that are left out: explains no other, but states what to do
-  kImageDefect,  ///< images with worse points: explains what follows from noise
-  // Causes: they explain all consequences, and have the grade of the worst.
+  kConsequence,  ///< a figure or a note: explains no other finding
+  kOutlier,      ///< images or points to leave out: explains no other, but has a remedy
+  kImageDefect,  ///< images with less exact points: explains findings that follow from noise
+  // Causes: they explain all consequences and have the grade of the worst one.
   kCause,
-  kOpenPoses,        ///< in the poses of the target, which it leaves undetermined
-  kImageDistortion,  ///< in the shape of images, for which a bent target may be mistaken
-  kRigCause,         ///< in the poses within a rig, for which open poses or a lens may be mistaken
-  kTargetCause,      ///< in the target or its file
-  kTargetResiduals,  ///< in the target as residuals show it, for which a lens may be mistaken
+  kOpenPoses,        ///< poses of the target that do not determine the parameters
+  kImageDistortion,  ///< deformed images (rolling shutter); a bent target has similar residuals
+  kRigCause,         ///< poses within a rig; open poses or a wrong lens model have similar effects
+  kTargetCause,      ///< the target or its file
+  kTargetResiduals,  ///< the target, by residuals that a wrong lens model can have too
 };
 
 /// A code of findings with its role.
@@ -29,8 +29,8 @@ struct FindingCode {
   bool follows_from_noise = false;  ///< `FindingRole::kImageDefect` explains it
 };
 
-/// The entry of a code among `causes` and the codes of estimation, scene and verdict. Others are
-/// consequences, those that begin with "target_" causes in the target.
+/// The entry of a code in `causes` or among the codes of estimation, scene and verdict. Any other
+/// code is a cause in the target if it begins with "target_", else a consequence.
 FindingCode FindCode(std::string_view code, std::span<const FindingCode> causes);
 
 }  // namespace plenocal

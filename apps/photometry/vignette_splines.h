@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Splines of the attenuation of a wall's model: a coarse one with the gains in one system, from
-// which the brightness of the wall is eliminated exactly, and a fine one with the rest fixed.
+// Fits splines of the attenuation to a wall's model: a coarse one together with the gains, with the
+// brightness of the wall eliminated exactly, and a fine one with all else fixed.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +15,8 @@ namespace plenocal {
 
 /// Normal equations of the coarse unknowns: coefficients of v, then gains.
 struct CoarseSystem {
-  Eigen::MatrixXd S;      ///< the brightness of the wall eliminated
-  Eigen::MatrixXd known;  ///< of v alone, as if wall and gains were known
+  Eigen::MatrixXd S;      ///< with the brightness of the wall eliminated
+  Eigen::MatrixXd known;  ///< of v alone, with wall and gains known
   Eigen::VectorXd b;
 
   CoarseSystem& operator+=(const CoarseSystem& more);
@@ -28,14 +28,14 @@ class VignetteSplines {
   /// `model` must outlive the object.
   explicit VignetteSplines(WallModel* model);
 
-  /// One round: gains and coarse v with the wall, then fine v.
+  /// One iteration: gains and coarse v with the wall, then fine v.
   void Round();
 
   [[nodiscard]] const ImageSpline& Coarse() const { return coarse_; }
-  /// The equations by the views in `only`, or by all.
+  /// The equations from the views in `only`, or from all.
   [[nodiscard]] CoarseSystem MakeCoarseSystem(const std::vector<bool>& only = {}) const;
-  /// Covariance of the coarse unknowns. That of their normal equations is what blocks of the wall,
-  /// whose errors are independent, scatter by: noise, and texture between the pixels.
+  /// Covariance of the coarse unknowns: the cluster-robust one, from the scatter of blocks of the
+  /// wall with independent errors. It contains noise, and texture between the pixels.
   [[nodiscard]] Eigen::MatrixXd CoarseCovariance(const CoarseSystem& system) const;
   /// The attenuation by pixel, CV_32F; largest value 1.
   [[nodiscard]] cv::Mat FineAttenuation() const;
@@ -43,7 +43,7 @@ class VignetteSplines {
   [[nodiscard]] cv::Mat FineSigma(const CoarseSystem& system, const Eigen::MatrixXd& coarse) const;
 
  private:
-  /// Information of the samples, and information * (y - g - c); a column for each reduced pixel.
+  /// Rows: weight of the samples, and weight * (y - g - c); a column for each reduced pixel.
   using PixelSums = Eigen::Array2Xd;
 
   [[nodiscard]] ImageSpline::Basis CoarseAt(double x, double y) const;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Model of the views of a wall while it is fitted: brightness c of the wall by cell, gain g of each
-// view, attenuation v by pixel of the reduced images (all logarithms), noise of the pixels; and
-// what it expects of each sample.
+// Model of the views of a wall: brightness c of the wall by cell, gain g of each view, attenuation
+// v by pixel of the reduced images (all logarithms), noise of the pixels. Holds the estimates while
+// they are fitted, and predicts each sample from them.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,10 +17,10 @@
 
 namespace plenocal {
 
-/// Width of Tukey's weight, in standard deviations: specular spots lie beyond.
+/// Width of Tukey's biweight in standard deviations; specular spots lie beyond it.
 inline constexpr double kTukeyWidth = 6;
-/// Side of the blocks of cells, in both directions: far more than what neighbours share their
-/// errors over.
+/// Side of the blocks of cells, in cells: far more than the distance over which errors of
+/// neighbouring cells correlate.
 inline constexpr size_t kBlockCells = 8;
 
 inline double Square(double x) { return x * x; }
@@ -31,16 +31,16 @@ class WallModel {
   struct Cell {
     size_t row, column;
   };
-  /// The model's prediction of a sample: all by the wall, not by the sample, whose noise would
-  /// choose.
+  /// The model's prediction of a sample. `light` and the noise in `weight` follow from the model:
+  /// computed from the sample, they would depend on its noise and bias the estimates.
   struct Expected {
     double light = 0;
     double residual = 0;  ///< of the light, relative
-    double weight = 0;    ///< inverse of the variance in effect, where neighbours share their noise
-    double freedom = 1;   ///< share of its variance that the residual has
+    double weight = 0;    ///< inverse of the variance, with the correlated noise of neighbours
+    double freedom = 1;   ///< variance of the residual over that of the sample
   };
 
-  /// Throws `Error` as `ChooseGrid`.
+  /// Throws `Error` as `ChooseGrid` does.
   WallModel(WallRecording wall, const std::string& where, int threads);
 
   [[nodiscard]] const WallRecording& Wall() const { return wall_; }
@@ -48,36 +48,36 @@ class WallModel {
   [[nodiscard]] const WallGrid& Grid() const { return grid_; }
   [[nodiscard]] const WallProjector& Projector() const { return projector_; }
   [[nodiscard]] const std::vector<WallRow>& Rows() const { return rows_; }
-  /// c by row and column of the grid; NaN: not seen.
+  /// c by row and column of the grid; NaN: in no view.
   [[nodiscard]] const std::vector<std::vector<float>>& Brightness() const { return c_; }
   [[nodiscard]] const Eigen::VectorXd& Gains() const { return g_; }
   [[nodiscard]] const cv::Mat& Attenuation() const { return v_; }
-  /// By view: 1, or 0 of a misplaced one.
+  /// By view: 1, or 0 for a view that `LeaveOutMisplaced` has left out.
   [[nodiscard]] const Eigen::VectorXd& Used() const { return used_; }
   [[nodiscard]] size_t Measurements() const;
 
   void SetAttenuation(cv::Mat v) { v_ = std::move(v); }
   void ChangeGains(const Eigen::VectorXd& change) { g_ += change; }
   void EstimateWall();
-  /// Variance of a pixel's light as a straight line of the light, from residuals; weights are
-  /// robust from then on.
+  /// Estimates the variance of a pixel's light as a linear function of the light, from the
+  /// residuals. Weights are robust from then on.
   void EstimateNoise();
-  /// Leaves out the view that fits the others' wall worst at the pose from its marker, if it fits
-  /// far worse than usual: the tilt of a small marker has a mirrored solution. Before weights are
-  /// robust, which would hide it.
+  /// Leaves out the view that fits the wall of the others worst, if far worse than usual: its pose
+  /// may be the second, mirrored solution for the tilt of a small marker. To be called before
+  /// weights are robust, which would hide the misfit.
   bool LeaveOutMisplaced();
-  /// Poses by the wall's texture: those from the marker are uncertain far from it.
+  /// Refines the poses by the wall's texture: those from the marker are uncertain far from it.
   void RefinePoses();
 
   [[nodiscard]] Expected Expect(const WallSample& s, const Cell& cell) const;
-  /// Variance of a sample of such light, relative, by the noise of its pixels.
+  /// Relative variance of a sample with this light by the noise of its pixels.
   [[nodiscard]] double Noise(const WallSample& s, double light) const;
   /// Mean square of the differences of a cell's brightness from those beside it, relative; NaN at
   /// the border.
   [[nodiscard]] double Texture(const Cell& cell) const;
 
-  /// The sum of what body(cell, sample, expected, &sum) adds to `zero` for all samples that count.
-  /// A part of the sum has whole blocks, row by row.
+  /// The sum of what body(cell, sample, expected, &sum) adds to `zero` for all samples with a
+  /// weight. A part of the sum covers whole rows of blocks.
   template <typename Sum, typename Body>
   [[nodiscard]] Sum SumSamples(const Sum& zero, const Body& body) const {
     return SumParts(zero, threads_, [&](size_t part, Sum* sum) {

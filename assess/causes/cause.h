@@ -2,8 +2,8 @@
 //
 // Table of the causes of bad calibrations (docs/diagnosis.md). Each cause is one file of
 // assess/causes/target or assess/causes/recording: focus_changed.cc defines `Cause
-// FocusChangedCause()`. CMake finds the files and generates the table `Causes()`, so a new cause is
-// a new file and edits no other.
+// FocusChangedCause()`. CMake finds the files and generates the table `Causes()`, so that a new
+// cause needs a new file only.
 #pragma once
 
 #include <map>
@@ -20,19 +20,19 @@
 
 namespace plenocal {
 
-/// What a cause is tested on, in the order in which `FindTargetCauses` and `Diagnose` proceed.
+/// Data on which a cause is tested. `FindTargetCauses` and `Diagnose` run the stages in this order.
 enum class CauseStage {
   kLayout,     ///< the points of all cameras, without a calibration
-  kTarget,     ///< the calibration and the target's file, where no cause in the layout was found
+  kTarget,     ///< the calibration and the target's file, if kLayout has found no cause
   kRig,        ///< poses of the cameras of a rig
   kImageFile,  ///< properties of a camera's image files, before any calibration
-  kImages,     ///< the images of a camera, whatever the target
-  kPoints,     ///< residuals of a camera's points, where no cause in the target was found
-  kMotion,     ///< likewise: residuals of a camera's frames
-  kNoise,      ///< likewise: noise of a camera's images
+  kImages,     ///< the images of a camera, also if the target has a cause
+  kPoints,     ///< residuals of a camera's points, if the target has no cause
+  kMotion,     ///< residuals of a camera's frames, likewise
+  kNoise,      ///< noise of a camera's images, likewise
 };
 
-/// Data for the tests of causes. The members that a stage has are set, the others are empty.
+/// Data for the tests of causes. Only the members of the present stage are set.
 struct CauseEvidence {
   /// Of kLayout and kTarget: cameras with their points, marker positions of the target's file, m,
   /// and what may be wrong in that file.
@@ -45,21 +45,21 @@ struct CauseEvidence {
   size_t camera = 0;
   std::string name = {};
   const CameraTraits* traits = nullptr;
-  /// Of kMotion; empty for exact (simulated) points, which have no noise to compare with.
+  /// Of kMotion; empty for exact (simulated) points, whose residuals are rounding errors.
   std::vector<ViewRows> views = {};
 };
 
-/// One cause, or several that are separated by one test.
+/// One cause, or several that one test tells apart.
 struct Cause {
   CauseStage stage = CauseStage::kPoints;
-  /// Findings with code, grade and text; none where the cause is not in the data.
-  /// `FindCauses` adds the camera where the stage has one. Tests have a false-alarm rate of 1e-3 a
-  /// camera or less.
+  /// Tests for the cause: findings with code, grade and text, none if the data do not show it.
+  /// `FindCauses` adds the camera in stages of one camera. False-alarm rates are at most 1e-3 per
+  /// camera.
   std::vector<Finding> (*find)(const CauseEvidence& evidence) = nullptr;
   std::vector<FindingCode> codes = {};  ///< of all its findings, with their roles
 };
 
-/// All causes, in alphabetical order of their files, which is that of findings of one stage.
+/// All causes in alphabetical order of their files. Findings of one stage have the same order.
 std::span<const Cause> Causes();
 
 /// Findings of all causes of a stage.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Parts that tests for causes share: the residuals of a camera, a step in a sequence, lists of
+// Functions that tests for causes share: residuals of a camera, a step in a sequence, lists of
 // names.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace plenocal {
 
-/// The first five names, and ", ..." where there are more.
+/// The first five names, followed by ", ..." if there are more.
 std::string FirstNames(const std::vector<std::string>& names);
 
 /// Calls `visit` with each observation of a camera, rejected ones too, that has a residual (px).
@@ -27,15 +27,16 @@ struct SequenceSplit {
   Eigen::Index first = 0;           ///< elements of the first part; 0: no division
   double between = 0, within = 0;   ///< weighted sums of squares
   Eigen::RowVectorXd step;          ///< mean of the second part less that of the first
-  Eigen::Index all = 0, least = 0;  ///< elements, and those that each part has at least
+  Eigen::Index all = 0, least = 0;  ///< number of elements, least number in a part
 
-  /// Probability by chance of so large a step in noise, among all divisions: F-test with one degree
-  /// of freedom for the step. `variance`: least variance of the noise.
+  /// Probability that noise gives so large a step in any of the divisions: F-test with one degree
+  /// of freedom for the step. `variance`: lower limit of the noise variance.
   [[nodiscard]] double Probability(double variance = 0) const;
 };
 
-/// The division with the largest step. `values`: a row an element; `weights`: inverse variances, up
-/// to a factor; `accept`: which divisions count, by their first part's elements and their step.
+/// The division with the largest step. `values`: one row per element; `weights`: inverse variances
+/// up to a factor; `accept`: whether a division counts, by the number of elements in its first part
+/// and its step.
 SequenceSplit LargestSplit(
     const Eigen::MatrixXd& values,
     const Eigen::VectorXd& weights,

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The three ways in which an adjustment treats the positions of markers.
+// The three ways to treat marker positions in an adjustment: rigid, within a tolerance, landmarks.
 #pragma once
 
 #include <limits>
 
 namespace plenocal {
 
-/// The deviation of markers from their nominal positions that an adjustment estimates: none (a
-/// rigid target), errors of a tolerance, or any (landmarks, which have no nominal position).
+/// Deviation of markers from their nominal positions that an adjustment estimates: none (a rigid
+/// target), one with the tolerance as prior, or a free one (landmarks have no nominal position).
 class MarkerFreedom {
  public:
   constexpr MarkerFreedom() = default;  ///< rigid
   static constexpr MarkerFreedom Rigid() { return {}; }
   static constexpr MarkerFreedom Landmarks() { return FromSigma(kInfinite); }
-  /// `sigma`: as files state it and `Sigma` returns it.
+  /// `sigma`: as in files and as `Sigma` returns it.
   static constexpr MarkerFreedom FromSigma(double sigma) {
     MarkerFreedom freedom;
     freedom.sigma_ = sigma;

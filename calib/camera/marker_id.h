@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Names of markers where a session has several targets, and the one number that files give them.
+// Identity of a marker in sessions with several targets, and its single number in files.
 #pragma once
 
 #include <cstddef>
 
 namespace plenocal {
 
-/// A marker by its target and its number in that target's own description.
+/// A marker as its target and its number in that target's own description.
 struct MarkerId {
-  /// Each of several targets has numbers below this.
+  /// With several targets, the numbers in each are smaller than this.
   static constexpr int kPerTarget = 100'000;
 
   size_t target = 0;
   int id = 0;
 
-  /// `number`: as observations, tables and results have it.
+  /// `number`: the marker's number in observations, tables and results.
   static constexpr MarkerId FromNumber(int number) {
     return {static_cast<size_t>(number / kPerTarget), number % kPerTarget};
   }

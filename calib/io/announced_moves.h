@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The mark of a folder of results whose files are being moved to their places (output_folder.h).
+// Detects result folders whose new files are complete but not all moved into place yet, as a killed
+// run leaves them (output_folder.h).
 #pragma once
 
 #include <filesystem>
@@ -8,26 +9,25 @@
 
 namespace plenocal {
 
-/// The subfolder of a folder of results that has its new files until they are moved.
+/// Subfolder of a result folder that holds the new files until they are moved.
 inline constexpr const char* kPartial = ".partial";
-/// The file in it which announces that the files beside it are complete and belong one folder up;
-/// it lists the files that go from there.
+/// File in that subfolder, which exists when the new files are complete and are to be moved one
+/// folder up. It lists the old files to be removed there.
 inline constexpr const char* kComplete = "complete";
 
-/// Tries, and microseconds between them, until a run that was just killed, or is at work, has made
-/// its moves.
+/// Number of checks, and microseconds between them, while another run finishes its moves.
 inline constexpr int kTries = 20, kPause = 50000;
 
-/// True where a run left complete files in `folder`. Those of another user are not moved, since who
-/// can write into a shared folder could have others' files replaced: throws `Error` of kind kJob.
+/// True if a run left complete files in `folder` that are not moved yet. Throws `Error` of kind
+/// kJob if they belong to another user, who could otherwise have files in a shared folder replaced.
 bool IsAnnounced(const std::filesystem::path& folder);
 
-/// `path`, where it is a folder, and the three above it (OUT/images/left/01.png), as far as moves
-/// are announced there.
+/// Folders with unfinished moves: among `path`, if it is a folder, and the three folders above it
+/// (OUT/images/left/01.png).
 std::vector<std::filesystem::path> AnnouncedAround(const std::filesystem::path& path);
 
-/// Throws `Error` of kind kJob where results around the file `path` are still half moved after a
-/// second, so that no reader takes old and new files together. Changes nothing on the disk.
+/// Throws `Error` of kind kJob if results around the file `path` are still half moved after a
+/// second, so that no reader mixes old and new files. Changes nothing on the disk.
 void RefuseHalfMoved(const std::filesystem::path& path);
 
 }  // namespace plenocal

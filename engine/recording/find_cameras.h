@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras in folders of images, by the names of folders and files.
+// Finds the cameras in folders of images by the names of folders and files.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +9,10 @@
 
 namespace plenocal {
 
-/// A camera as folders and names of image files suggest it.
+/// A camera found by the names of folders and image files.
 struct FoundCamera {
   std::string name;
-  std::vector<std::string> images;    ///< globs, a folder or files, as a session has them
+  std::vector<std::string> images;    ///< globs, a folder or files, as in a session
   std::vector<std::string> white;     ///< likewise; empty: there are no white images
   size_t count = 0, white_count = 0;  ///< files
 };
@@ -22,7 +22,7 @@ struct FoundCamera {
 std::vector<FoundCamera> CamerasInFolder(const std::filesystem::path& folder);
 
 /// The cameras in a folder and those below it. Images in `*_white` or `white` are the white images
-/// of the camera beside or above. Folders of results below it and hidden ones are passed over.
+/// of the camera beside or above. Result folders and hidden folders below it are skipped.
 std::vector<FoundCamera> FindCameras(const std::filesystem::path& folder);
 
 }  // namespace plenocal

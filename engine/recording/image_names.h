@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Names of image files: globs, and the frames that cameras share.
+// Names of image files: globs, and frames in common of several cameras.
 #pragma once
 
 #include <filesystem>
@@ -12,8 +12,8 @@
 
 namespace plenocal {
 
-/// The glob that matches files of one folder whose names differ in one part, and else only files
-/// that are `allowed`; empty when there is none.
+/// The glob that matches all of `files`, which differ in one part of their names in one folder, and
+/// no other file unless it is `allowed`; empty if there is none.
 std::string GlobOf(const std::vector<FrameImage>& files,
                    const std::function<bool(const std::filesystem::path&)>& allowed);
 
@@ -21,18 +21,17 @@ std::string GlobOf(const std::vector<FrameImage>& files,
 bool FramesAreShared(const std::vector<std::string>& names,
                      const std::vector<std::vector<std::string>>& images);
 
-/// The shortest list of globs, folders or files that stands for one camera's images: files of one
-/// folder whose names differ in one part become a glob, if nothing else matches it.
+/// The shortest list of globs, folders or files for one camera's images: files of one folder whose
+/// names differ in one part become a glob if it matches nothing else.
 std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what);
 
-/// Makes globs of the cameras' names that differ in the frame alone, where the cameras share no
-/// frame otherwise: left01.jpg and right01.jpg are frame 01. Throws `Error` when they still share
-/// none.
+/// If the cameras have no frame in common, replaces the files of each by a glob whose "*" stands
+/// for the frame: left01.jpg and right01.jpg are frame 01. Throws `Error` if they still have none.
 void ShareFrames(const std::vector<std::string>& names,
                  std::vector<std::vector<std::string>>* images);
 
 /// The value of a camera's `images` in a session file in `folder`: one pattern, or a list of them
-/// with the indentation that it has there.
+/// with the indentation of that file.
 std::string PathsYaml(const std::vector<std::string>& patterns,
                       const std::filesystem::path& folder);
 

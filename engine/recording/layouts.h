@@ -16,8 +16,8 @@ namespace plenocal {
 /// - KITTI: image_0/, image_1/ ..., times.txt
 /// - any other: a folder or an archive per camera, or names that contain the camera (left01.jpg,
 ///   right01.jpg); times.txt in the camera's folder, or times_<camera>.txt or times.txt beside.
-/// In each a calibration.yaml beside the images is the calibration. Throws `Error` of kind kInput
-/// when there are no images.
+/// In each, a calibration.yaml beside the images is used as the calibration. Throws `Error` of kind
+/// kInput if there are no images.
 RecordingFile FindRecordingFile(const std::filesystem::path& path);
 
 }  // namespace plenocal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Inputs that give the micro lenses of raw plenoptic images without a session.
+// Inputs for the micro lenses of raw plenoptic images where no session states them.
 #pragma once
 
 #include <filesystem>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The frames of a recording, which its cameras' images make by name or by time.
+// Pairs the images of a recording's cameras to frames, by name or by time.
 #pragma once
 
 #include "engine/recording/recording.h"
@@ -9,12 +9,13 @@ namespace plenocal {
 
 /// Makes the frames of `recording` from its cameras' images.
 ///
-/// By name: images of equal names are one frame. By time: each camera is paired with the frames so
-/// far, an image with the frame that is nearest to it if it is that frame's nearest too and not
-/// farther than the tolerance. What finds no partner is a frame of its own.
+/// By name: images of equal names are one frame. By time: the cameras are added one after the other
+/// to the frames so far. An image is added to the frame with the nearest time if no other image of
+/// its camera is nearer to that frame and the difference is within the tolerance, else it becomes a
+/// frame of its own.
 ///
-/// Throws `Error` of kind kInput where times are missing that `pairing` needs, and for cameras that
-/// share no name.
+/// Throws `Error` of kind kInput if times are missing that `pairing` needs, and if cameras have no
+/// name in common.
 void MakeFrames(const Pairing& pairing, Recording* recording);
 
 }  // namespace plenocal

@@ -27,14 +27,14 @@ struct RecordedCamera : RecordedCameraFacts {
   std::vector<FrameImage> white_images = {};
   size_t exposures_filled = 0;  ///< images whose exposure is the mean of their neighbours'
 
-  /// The image as single-channel grey of the file's own depth, 8 or 16 bits; of a raw mosaic the
-  /// mosaic. Throws `Error` of kind kInput that names the file for one that is damaged.
+  /// The image as single-channel grey of the file's own depth, 8 or 16 bits; a raw mosaic as it is.
+  /// Throws `Error` of kind kInput, with the file's name, if it is damaged.
   [[nodiscard]] cv::Mat Read(size_t index) const;
 };
 
-/// One instant.
+/// The images of one instant.
 struct RecordedFrame {
-  std::string name;                          ///< that of the first camera's image that it has
+  std::string name;                          ///< of the image of its first camera that has one
   double time = 0;                           ///< s, of the same image; NaN: not known
   std::vector<std::optional<size_t>> image;  ///< per camera, index of its images
 };
@@ -45,20 +45,19 @@ struct Recording : RecordingFacts {
   std::vector<RecordedCamera> cameras = {};
   std::vector<RecordedFrame> frames = {};  ///< in the order of the recording; names are unique
   std::vector<LeftOut> left_out = {};      ///< images that cannot be used
-  std::vector<std::string> notes = {};     ///< what is unusual in its files, in whole sentences
+  std::vector<std::string> notes = {};     ///< unusual properties of its files, in sentences
 
   [[nodiscard]] bool HasTimes() const;
   [[nodiscard]] const RecordedCamera* FindCamera(const std::string& name) const;
 };
 
 /// Reads a recording: a recording.yaml, a folder that holds one or whose layout is known, or a zip
-/// archive with images, after its results of a killed run are completed (calib/io/output_folder.h).
-/// Of the images only the headers are read, and three a camera to find raw
-/// mosaics.
+/// archive with images. First completes results of a killed run in it (calib/io/output_folder.h).
+/// Reads only the headers of the images, and three whole images per camera to find raw mosaics.
 ///
 /// Throws `Error` of kind kInput, with file and line where there is one: no images, times that do
 /// not increase or do not belong to the images, different numbers of images without times, a raw
-/// mosaic that is not called one. Images that cannot be used are in `left_out`: of another size
+/// mosaic that is not stated as one. Images that cannot be used are in `left_out`: of another size
 /// than most, without a readable header, without a time.
 Recording ReadRecording(const std::filesystem::path& path);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The parts of a recording before its images are read: stated by recording.yaml
-// (docs/formats.md), or found in the layouts of other programs (layouts.h).
+// Describes the files of a recording before its images are read: as recording.yaml states them
+// (docs/formats.md), or as found in the layouts of other programs (layouts.h).
 #pragma once
 
 #include <filesystem>
@@ -17,15 +17,15 @@
 
 namespace plenocal {
 
-/// Detections of another program: a text file of columns between blanks or commas.
+/// Detections of another program: a text file with columns separated by blanks or commas.
 struct MarkerFile {
   std::filesystem::path path;
-  std::vector<std::string> columns;  ///< names; of detections those that they have, others ignored
+  std::vector<std::string> columns;  ///< names; those that detections do not have are ignored
   double pixel_origin = 0;           ///< coordinate of the centre of the top-left pixel
   int skip = 0;                      ///< lines before the first row
 };
 
-/// Properties of a recorded camera that its files state.
+/// Properties of a recorded camera stated in its files.
 struct RecordedCameraFacts {
   std::string name;
   std::optional<BayerOrder> bayer = {};   ///< of raw mosaics
@@ -37,7 +37,7 @@ struct RecordedCameraFacts {
 
 /// The files of a camera of a recording.
 struct RecordedFiles : RecordedCameraFacts {
-  std::string where;                ///< begins messages about its images
+  std::string where;                ///< first words of messages about its images
   std::vector<std::string> images;  ///< globs, folders, files, archives, "archive.zip/folder"
   std::filesystem::path times;      ///< empty: none
   ExposureUnit exposure_unit = ExposureUnit::kMilliseconds;
@@ -48,12 +48,12 @@ struct RecordedFiles : RecordedCameraFacts {
 /// A calibration in another program's form.
 struct ForeignCalibration {
   std::filesystem::path path;
-  std::string format;  ///< as `plenocal import` takes it; empty: none reads it
+  std::string format;  ///< for `plenocal import`; empty: it cannot read the file
 };
 
 /// Properties of a recording beside its cameras.
 struct RecordingFacts {
-  std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was looked at
+  std::filesystem::path path;  ///< recording.yaml, or the folder or archive that was given
   /// "recording.yaml", "TUM monoVO", "EuRoC", "KITTI", "folders", "archive",
   /// "MCAP", "ROS 1 bag", "ROS 2 bag" or "video".
   std::string layout;
@@ -70,7 +70,7 @@ struct RecordingFile : RecordingFacts {
   std::vector<RecordedFiles> cameras = {};
   Pairing pairing = {};
   std::filesystem::path exposures =
-      {};  ///< table in place of those in the files of times; empty: none
+      {};  ///< table that replaces exposures in the files of times; empty: none
 };
 
 /// Reads recording.yaml. Throws `Error` with file, line and key.

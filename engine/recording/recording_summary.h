@@ -14,7 +14,7 @@
 
 namespace plenocal {
 
-/// Images that are missing: an interval that is larger than the usual one.
+/// Missing images: an interval that is larger than the usual one.
 struct Gap {
   std::string after;   ///< name of the image before
   size_t missing = 0;  ///< images that fit into the interval
@@ -28,19 +28,19 @@ struct ExposureSummary {
 
 struct CameraSummary {
   std::string name;
-  std::optional<std::vector<Gap>> gaps;     ///< nothing: neither times nor numbers show them
+  std::optional<std::vector<Gap>> gaps;     ///< nothing: without times and numbers of images
   std::optional<ExposureSummary> exposure;  ///< nothing: not known
   [[nodiscard]] size_t Missing() const;
 };
 
-/// A camera against the first one.
+/// Pairing of a camera with the first one.
 struct PairSummary {
   std::string camera;
   size_t frames = 0;               ///< that have images of both
-  double median = 0, largest = 0;  ///< s, absolute differences of the times; of no times 0
+  double median = 0, largest = 0;  ///< s, absolute differences of the times; 0 without times
 };
 
-/// Data that a recording lacks for a command, in words; empty: it has all that it can have.
+/// Data that a recording lacks for a command, in words; empty: the command can run.
 struct CommandNeeds {
   std::string command;
   std::vector<std::string> lacks;
@@ -54,14 +54,14 @@ struct RecordingSummary {
   std::vector<CommandNeeds> needs;
 };
 
-/// Looks into the calibration too; `models` are those that it may have. Throws `Error` of kind
-/// kInput for a calibration that cannot be read.
+/// Summarises a recording. Reads its calibration too, whose camera models must be in `models`.
+/// Throws `Error` of kind kInput if the calibration cannot be read.
 RecordingSummary Summarise(const Recording& recording, std::span<const CameraModel> models);
 
 /// The summary for the terminal.
 std::string SummaryText(const Recording& recording, const RecordingSummary& summary);
 
-/// The same as JSON, docs/formats.md.
+/// The same as JSON (docs/formats.md).
 std::string SummaryJson(const Recording& recording, const RecordingSummary& summary);
 
 }  // namespace plenocal

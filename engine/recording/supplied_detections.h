@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Detections and intrinsics that other programs have put beside a recording.
+// Reads detections and intrinsics of other programs that lie beside a recording.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace plenocal {
 
-/// Supplied detections as a detections CSV (docs/formats.md).
+/// Detections of another program as a detections CSV (docs/formats.md).
 struct SuppliedDetections {
   std::string csv;
   size_t points = 0;       ///< rows
@@ -20,18 +20,18 @@ struct SuppliedDetections {
   int first_left_out = 0;  ///< line of the first of these
 };
 
-/// Reads the supplied detections of a camera that has some (`RecordedCamera::markers`). Frames are
-/// called as in the recording, pixels count from the centre of the top-left one. Throws `Error` of
-/// kind kInput with file and line for what is no number, two rows of one point, and a file that
-/// names no image of the camera.
+/// Reads the supplied detections of a camera that has some (`RecordedCamera::markers`). Frames have
+/// the names of the recording, and (0, 0) is the centre of the top-left pixel. Throws `Error` of
+/// kind kInput with file and line for an invalid number, two rows of one point, and a file without
+/// any image of the camera.
 SuppliedDetections ReadSuppliedDetections(const Recording& recording, size_t camera);
 
 /// detections_<camera>.csv of all cameras with supplied detections. Throws `Error` of kind kInput
-/// where there is none.
+/// if there is no such camera.
 OutputContents SuppliedMarkers(const Recording& recording, const Run& run);
 
-/// camera_info_<camera>.yaml, as ROS has them, of the intrinsics beside the images. Throws `Error`
-/// of kind kInput where there are none.
+/// camera_info_<camera>.yaml as in ROS, from the intrinsics beside the images. Throws `Error` of
+/// kind kInput if there are none.
 OutputContents CameraInfoFiles(const Recording& recording, const Run& run);
 
 }  // namespace plenocal

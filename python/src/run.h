@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Calls of Python into the engine: they work without the GIL, pass on what Python functions throw,
-// and are stopped each by itself.
+// Calls from Python into the engine. Each runs without the GIL, passes on exceptions of Python
+// functions and can be stopped without effect on other calls.
 #pragma once
 
 #include <chrono>
@@ -19,17 +19,17 @@
 
 namespace plenocal::python {
 
-/// One call. An exception of a camera model in Python makes the evaluation fail and stops this call
-/// alone, in whichever of its threads it happens.
+/// One call. An exception of a camera model in Python, in any thread of the call, makes the
+/// evaluation fail and stops this call alone.
 class EngineCall {
  public:
-  /// `stop`: stops the run that this call makes.
+  /// `stop`: stops the run of this call.
   explicit EngineCall(std::stop_source stop = std::stop_source(std::nostopstate));
   ~EngineCall();
   EngineCall(const EngineCall&) = delete;
   EngineCall& operator=(const EngineCall&) = delete;
 
-  /// The result of `work`. Throws the first exception of a model, else what `work` throws.
+  /// Returns the result of `work`. Throws the first exception of a model, else that of `work`.
   template <typename Work>
   auto Do(const Work& work) {
     try {
@@ -47,7 +47,7 @@ class EngineCall {
     }
   }
 
-  /// Keeps the present exception, of a model, for the call that this thread works for.
+  /// Stores the current exception of a camera model in the call to which this thread belongs.
   static void KeepException();
 
  private:
@@ -56,26 +56,27 @@ class EngineCall {
   std::stop_source stop_;
   std::mutex lock_;
   std::exception_ptr from_model_;
-  void* const outer_;  // the run in which a model calls Python
+  void* const outer_;  // `run_of_thread` around this call, which a model in Python may make
   std::optional<RunScope> scope_;
 };
 
-/// Does short work without the GIL.
+/// Runs a short piece of work without the GIL.
 template <typename Work>
 auto Call(const Work& work) {
   const nb::gil_scoped_release release;
   return EngineCall().Do(work);
 }
 
-/// What a run has of its caller: number of threads; functions that take progress (None: it is not
-/// wanted) and messages.
+/// Settings of a run by its Python caller: number of threads, function for progress (None: not
+/// reported), function for messages.
 using Caller = std::tuple<int, nb::object, nb::object>;
 
-/// Calls Python functions from the threads of a run.
+/// A listener that calls the caller's Python functions from the threads of a run.
 Listener MakeListener(const Caller& caller);
 
-/// Does `work(run)` in a thread of its own, while this one looks for Ctrl-C. Throws what functions
-/// of the caller and camera models in Python raise, errors of the engine, KeyboardInterrupt.
+/// Runs `work(run)` in a thread of its own, while this thread checks for Ctrl-C. Throws exceptions
+/// of the caller's functions and of camera models in Python, errors of the engine, and
+/// KeyboardInterrupt.
 template <typename Work>
 auto RunEngine(const Caller& caller, const Work& work) {
   std::stop_source stop;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The images of a simulated session: a list of what to make, and its files.
+// Lists the images of a simulated session, and makes and writes them.
 #pragma once
 
 #include <filesystem>
@@ -32,8 +32,8 @@ struct ImageTask {
   std::function<cv::Mat()> make;
 };
 
-/// The images of one camera: frames of these names, whose light `light` gives, and images of a
-/// white field, exposed with the lamp's flicker.
+/// The images of one camera: `frames`, with the light that `light` returns, and images of a white
+/// field, exposed with the lamp's flicker.
 std::vector<ImageTask> ListCameraImages(const SimulationSpec& spec,
                                         std::size_t camera,
                                         const Renderer& renderer,
@@ -42,7 +42,7 @@ std::vector<ImageTask> ListCameraImages(const SimulationSpec& spec,
                                         int white_images);
 
 /// Makes and writes all images, the slow ones first, so that all threads end at about the same
-/// time. Throws `Error` of kind kInput if their folders below `folder` hold another .png, which
+/// time. Throws `Error` of kind kInput if their folders below `folder` contain another .png, which
 /// would become part of the session.
 void WriteImages(std::vector<ImageTask> tasks,
                  const std::filesystem::path& folder,

@@ -2,15 +2,15 @@
 //
 // Positions of a plenoptic camera's micro lenses, and the rays that reach a raw pixel through them.
 //
-// All of it follows from the camera model's `unproject(x, c)`, the ray from raw point x through the
-// middle of the micro lens with micro-image centre c, and two facts of thin lenses (undistorted raw
-// coordinates, T_f the virtual depth at which the micro lens is sharp):
+// Both follow from the camera model's `unproject(x, c)`, the ray from raw point x through the
+// middle of the micro lens with micro-image centre c, and two properties of thin lenses
+// (undistorted raw coordinates, T_f the virtual depth at which the micro lens is sharp):
 //
 //   - the micro-image centre is the image of the stop's middle, so unproject(c, c) passes through
-//     it: where such rays meet is the entrance pupil, and they span a regular lattice of slopes;
+//     it: such rays meet in the entrance pupil, and their slopes form a regular lattice;
 //   - light through a point of the micro lens that stands a (in units of micro-image centres) off
-//     its middle comes along the ray unproject(x + a (1 - 1 / T_f), c + a): through another micro
-//     lens at that point, whose middle deflects nothing, refracted by a / f_micro.
+//     its middle comes along the ray unproject(x + a (1 - 1 / T_f), c + a): the undeflected ray
+//     through the middle of another micro lens at that point, refracted by a / f_micro.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,8 +24,8 @@ namespace plenocal::simulate {
 
 class MicroLensOptics {
  public:
-  /// REQUIRES: a plenoptic camera. Throws `Error` when the model sees no pixel of its image or too
-  /// few micro lenses fit on it.
+  /// REQUIRES: a plenoptic camera. Throws `Error` if the model has no ray for any pixel of its
+  /// image, or too few micro lenses fit on it.
   explicit MicroLensOptics(const CameraSpec& camera);
 
   /// All micro lenses whose centre is on the sensor or at most a pitch beside it; those beside it
@@ -38,8 +38,8 @@ class MicroLensOptics {
                                               const Eigen::Vector2d& c) const;
   /// Entrance pupil, m, camera frame.
   [[nodiscard]] const Eigen::Vector3d& Pupil() const { return pupil_; }
-  /// Where a point's image by the pupil's middle alone lies, px: the micro-image centre at which it
-  /// would be seen in the middle. Nothing outside the model's domain.
+  /// Image of a point through the pupil's middle alone, px: the centre of the micro image in whose
+  /// middle the point would lie. Nothing outside the model's domain.
   [[nodiscard]] std::optional<Eigen::Vector2d> CentralImage(const Eigen::Vector3d& p_cam) const;
   /// Exact observations of a point through all micro lenses that image it.
   [[nodiscard]] std::vector<Observation> Observe(int marker, const Eigen::Vector3d& p_cam) const;

@@ -14,27 +14,27 @@
 
 namespace plenocal::simulate {
 
-/// A target as it was made.
+/// A target with its manufacturing errors.
 struct TrueTarget {
   std::map<int, Eigen::Vector3d> markers;  ///< true positions, m, target's frame
-  /// Unit vectors from the printed side into the room, at each marker; zero: seen from all sides.
+  /// Unit normals on the printed side at each marker; zero: visible from all sides.
   std::map<int, Eigen::Vector3d> normals;
 };
 
-/// Errors of tags as they are made. Rigid: tags are displaced, rotated and scaled as a whole, as
+/// Manufacturing errors of tags. Rigid: tags are displaced, rotated and scaled as a whole, like
 /// printed tags glued to a board. Corners: each corner has an error of its own, tags stay flat.
 enum class TagErrors { kRigid, kCorners };
 
 /// Displaces the markers by `sigma` (m) in each coordinate.
 TrueTarget MakeTarget(const Target& nominal, double sigma, TagErrors tag_errors, int seed);
 
-/// The cameras of a specification with the optics that they need.
+/// Observes points with the cameras of a specification.
 class Observer {
  public:
   explicit Observer(const SimulationSpec& spec);
 
   /// Exact observations of all markers that camera `c` can see: printed side towards it, within
-  /// the image, for a plenoptic camera within micro images. Other parts of the target hide nothing.
+  /// the image, for a plenoptic camera within micro images. Nothing is occluded by the target.
   [[nodiscard]] std::vector<Observation> Observe(std::size_t c,
                                                  const TrueTarget& target,
                                                  const RigidTransform& T_rig_target) const;
@@ -53,7 +53,7 @@ class Observer {
   std::vector<std::unique_ptr<MicroLensOptics>> optics_;
 };
 
-/// Adds noise of the camera's detections.
+/// Adds the noise of the camera's detections to an observation.
 void AddNoise(const CameraSpec& camera, Random* random, Observation* observation);
 
 /// Number of different markers in the observations.

@@ -23,13 +23,13 @@ class Renderer {
   [[nodiscard]] virtual const cv::Mat& White() const = 0;
 };
 
-/// Through the model's rays: 4 x 4 samples a pixel, Gaussian blur, vignetting that grows with the
+/// Traces the model's rays: 4 x 4 samples a pixel, Gaussian blur, vignetting that grows with the
 /// square of the distance from the image's middle.
 std::unique_ptr<Renderer> MakeOrdinaryRenderer(const CameraSpec& camera);
 
-/// By rays from points of each pixel through points of each micro lens, as far as the main lens'
-/// stop lets them through; see micro_lens_optics.h. Brightness falls with cos^4 of the angle to the
-/// axis. `optics` must outlive the renderer.
+/// Traces the rays from points of each pixel through points of each micro lens that pass the main
+/// lens' stop; see micro_lens_optics.h. Brightness falls with cos^4 of the angle to the axis.
+/// `optics` must outlive the renderer.
 std::unique_ptr<Renderer> MakePlenopticRenderer(const CameraSpec& camera,
                                                 const MicroLensOptics& optics,
                                                 int seed,

@@ -11,9 +11,9 @@
 
 namespace plenocal::simulate {
 
-/// Positions within a pixel, px from its centre, that receive equal parts of its light: along each
-/// axis `count` quantiles of the point-spread function, a Gaussian of sigma `blur` on the area of
-/// the pixel.
+/// Sample positions of a pixel, px from its centre, that have equal parts of its light: along each
+/// axis `count` quantiles of the point-spread function, the pixel's area convolved with a Gaussian
+/// of sigma `blur`.
 std::vector<float> PixelQuantiles(int count, double blur);
 
 /// An image file's pixels (CV_8U or CV_16U) from the light that reaches each (CV_32F, 1: white

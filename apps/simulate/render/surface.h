@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The interface between what a camera sees and the renderers: brightness along rays.
+// Interface between simulated scenes and the renderers: radiance along rays.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,7 +25,7 @@ struct RayBundle {
   [[nodiscard]] Eigen::Vector3f Direction(size_t i) const { return {dx[i], dy[i], 1}; }
 };
 
-/// The surfaces before a camera, in its frame: the brightness along rays.
+/// The surfaces in front of a camera, in its frame.
 class Surface {
  public:
   virtual ~Surface() = default;
@@ -34,8 +34,8 @@ class Surface {
   [[nodiscard]] virtual float Radiance(const Eigen::Vector3f& origin,
                                        const Eigen::Vector3f& direction,
                                        const Spread& spread) const = 0;
-  /// The radiances of a whole bundle. `face`: that of all rays around these by `FaceOf`, or -1;
-  /// surfaces with faces take much less time for rays of one of them.
+  /// The radiances of a whole bundle. `face`: the face (`FaceOf`) that all rays around these meet,
+  /// or -1 if not known; if it is given, surfaces with faces take much less time.
   virtual void Radiances(const RayBundle& rays,
                          const Spread& spread,
                          int /*face*/,
@@ -44,12 +44,12 @@ class Surface {
       (*radiances)[i] = Radiance(rays.Origin(i), rays.Direction(i), spread);
     }
   }
-  /// The flat face that a ray meets, -1: none; and how far from the origin, in lengths of
+  /// The flat face that a ray meets, -1: none; and its distance from the origin in lengths of
   /// `direction`.
   [[nodiscard]] virtual std::pair<int, float> FaceOf(const Eigen::Vector3f& origin,
                                                      const Eigen::Vector3f& direction) const = 0;
 
-  static constexpr float kBackground = 0.15f;  ///< radiance where a camera images nothing
+  static constexpr float kBackground = 0.15f;  ///< radiance where no surface is seen
 };
 
 }  // namespace plenocal::simulate

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sends JSON in lines over a socket, between the workbench and its worker.
+// Exchanges JSON messages, one a line, over the socket between the workbench and its worker.
 #pragma once
 
 #include <chrono>
@@ -11,7 +11,7 @@
 
 namespace plenocal::workbench {
 
-/// One end; closes it. One thread receives, any may send.
+/// One end of a socket, which the destructor closes. One thread receives, any thread may send.
 class LineSocket {
  public:
   explicit LineSocket(int file) : file_(file) {}
@@ -19,16 +19,16 @@ class LineSocket {
   LineSocket(const LineSocket&) = delete;
   LineSocket& operator=(const LineSocket&) = delete;
 
-  /// Nothing happens where nobody reads: `Receive` finds that out.
+  /// Has no effect if the other end is closed, which `Receive` reports.
   void Send(const nlohmann::json& message);
-  /// The next message; null after `patience` (negative: none is too long) without one, and nothing
-  /// when the other end is closed.
+  /// The next message; null if none comes within `patience` (negative: no limit), nothing if the
+  /// other end is closed.
   std::optional<nlohmann::json> Receive(std::chrono::milliseconds patience);
 
  private:
   int file_;
   std::mutex sending_;
-  std::string read_;  // beyond the last message
+  std::string read_;  // bytes after the last message
 };
 
 }  // namespace plenocal::workbench

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The engine for programs that calibrate or use calibrated cameras: no header of Ceres, Eigen,
-// OpenCV or yaml-cpp, and a stable interface (CHANGELOG.md, "API and ABI"). Functions throw
-// `plenocal::Error` with file, line, key and remedy, and `plenocal::Stopped`.
+// Interface of the engine for programs that calibrate or use calibrated cameras. It is stable
+// (CHANGELOG.md, "API and ABI") and includes no header of Ceres, Eigen, OpenCV or yaml-cpp.
+// Functions throw `plenocal::Error` with file, line, key and remedy, and `plenocal::Stopped` after
+// a request to stop.
 #pragma once
 
 #include <array>
@@ -18,7 +19,7 @@
 namespace plenocal::api {
 
 /// Tables for cv::remap: for each pixel of a new image, row by row, its position in the camera's
-/// image, px; -1 both where the camera images nothing.
+/// image, px; x = y = -1 where the camera has no image point.
 struct RemapTables {
   std::vector<float> x, y;
 };
@@ -26,18 +27,18 @@ struct RemapTables {
 struct Parameter {
   std::string name, unit;
   double value = 0;
-  double sigma = 0;  ///< standard error; 0: fixed, infinite: not determined
+  double sigma = 0;  ///< standard error; 0: fixed, infinite: not determined by the images
 };
 
 /// An ordinary camera of a calibration. Copies share their data; all functions may be called
 /// from several threads. (0, 0) is the centre of the top-left pixel; x points right, y down, z
-/// along the view.
+/// in the viewing direction.
 class Camera {
  public:
   struct Data;
   explicit Camera(std::shared_ptr<const Data> data);
-  /// The ordinary cameras of a file, the rig's master first; plenoptic ones are left out. Throws
-  /// std::runtime_error with file, line and key.
+  /// Reads the ordinary cameras of a file, the rig's master first; plenoptic ones are left out.
+  /// Throws std::runtime_error with file, line and key.
   static std::vector<Camera> Read(const std::string& calibration_yaml);
 
   [[nodiscard]] std::string name() const;
@@ -47,18 +48,18 @@ class Camera {
   /// 4 x 4, row by row: p_camera = T_camera_rig p_rig, m.
   [[nodiscard]] std::array<double, 16> T_camera_rig() const;
 
-  /// Image point, px, of a point in the camera's frame, m; nothing where it is not imaged.
+  /// Image point, px, of a point in the camera's frame, m; nothing if it has none.
   [[nodiscard]] std::optional<std::array<double, 2>> Project(
       const std::array<double, 3>& p_camera) const;
-  /// Covariance (2 x 2, row by row, px^2) of the image point from that of the parameters; infinite
-  /// where one that is not determined has an effect.
+  /// Covariance (2 x 2, row by row, px^2) of the image point by that of the parameters; infinite
+  /// where a parameter that is not determined has an effect.
   [[nodiscard]] std::optional<std::array<double, 4>> Covariance(
       const std::array<double, 3>& p_camera) const;
-  /// Direction, of length 1, of the ray of an image point; nothing where there is none.
+  /// Unit vector along the ray of an image point; nothing if there is no ray.
   [[nodiscard]] std::optional<std::array<double, 3>> Unproject(
       const std::array<double, 2>& pixel) const;
-  /// The way from the image of a pinhole camera with focal length f and principal point (c_x, c_y),
-  /// px, of this size, to this camera's: undistorts its images.
+  /// Tables that undistort images of this camera: to those of a pinhole camera with image size
+  /// `size`, focal length f and principal point (c_x, c_y), px.
   [[nodiscard]] RemapTables Undistort(const std::array<int, 2>& size,
                                       double f,
                                       double c_x,
@@ -68,7 +69,7 @@ class Camera {
   std::shared_ptr<const Data> data_;
 };
 
-/// Pixels row by row, which must stay until the calibration ends.
+/// Image in memory, row by row. Its pixels must stay valid until the calibration ends.
 struct Image {
   std::string frame;  ///< images of one frame were taken at once
   const void* data = nullptr;
@@ -78,11 +79,11 @@ struct Image {
   int bytes_per_value = 1;  ///< 1 or 2
 };
 
-/// A marker of the target measured in an image.
+/// Measured image point of a marker of the target.
 struct Point {
   int marker = 0;
   double x = 0, y = 0;  ///< px
-  double sigma = 1;     ///< of each coordinate, px; with one value for all its size does not matter
+  double sigma = 1;     ///< of each coordinate, px; no effect if equal for all points
 };
 
 struct FramePoints {
@@ -93,21 +94,21 @@ struct FramePoints {
 /// One camera of a rig: images or points.
 struct Source {
   std::string name;
-  std::string model = {};  ///< as `plenocal models` lists them; empty: chosen by held-out frames
+  std::string model = {};  ///< as `plenocal models` lists them; empty: chosen by cross-validation
   std::vector<Image> images = {};
   std::vector<FramePoints> points = {};
   int width = 0, height = 0;  ///< of points: the images' size, px
 };
 
-/// What is to be calibrated.
+/// Input of a calibration: cameras with images or points, and a target.
 class Session {
  public:
   struct Data;
 
-  /// A session.yaml (docs/formats.md).
+  /// Reads a session.yaml (docs/formats.md).
   static Session Open(const std::string& path);
-  /// Images or points in memory, the first camera being the rig's master. `target`: in one word
-  /// ("chessboard:9x6:25mm"), or the text of a target.yaml.
+  /// Makes a session of images or points in memory; the first camera is the rig's master.
+  /// `target`: in one word ("chessboard:9x6:25mm"), or the text of a target.yaml.
   static Session InMemory(const std::string& target, const std::vector<Source>& cameras);
 
   [[nodiscard]] const Data& data() const { return *data_; }
@@ -119,7 +120,7 @@ class Session {
 
 struct Options {
   std::string out = {};    ///< folder for the result files; empty: none are written
-  bool jackknife = false;  ///< standard errors from leaving out frames beside the others
+  bool jackknife = false;  ///< also estimate standard errors by leaving out frames
 };
 
 enum class Grade { kGood, kUsable, kBad };
@@ -133,35 +134,36 @@ struct Finding {
 struct Calibration {
   struct Data;
 
-  /// That of a folder of `plenocal calibrate`, or of a calibration.yaml.
+  /// Reads the folder of `plenocal calibrate`, or a calibration.yaml.
   static Calibration Read(const std::string& path);
 
   std::vector<Camera> cameras;  ///< the ordinary ones, the rig's master first
   Grade grade = Grade::kGood;   ///< that of the worst finding
   std::vector<Finding> findings;
   std::string yaml;     ///< content of calibration.yaml
-  std::string summary;  ///< as `plenocal calibrate` prints it; empty: it was read
+  std::string summary;  ///< as `plenocal calibrate` prints it; empty if read from files
   std::shared_ptr<const Data> data;
 
-  /// Throws `Error` of kind kInput for a camera that there is not.
+  /// Throws `Error` of kind kInput for an unknown name.
   const Camera& operator[](const std::string& name) const;
 };
 
-/// Detects, calibrates and judges. Calibrations of several threads go on side by side.
+/// Detects the target, calibrates and grades the result. May be called from several threads at
+/// once.
 Calibration CalibrateSession(const Session& session,
                              const Options& options = {},
                              const Run& run = {});
 
-/// The points of the target in all images, by camera: sources for another session. Ordinary cameras
-/// only.
+/// Detects the target in all images: a source of points for each camera, for use in another
+/// session. Ordinary cameras only.
 std::vector<Source> DetectSession(const Session& session, const Run& run = {});
 
-/// A camera model, judged by frames that it was not calibrated with.
+/// A camera model and its error in held-out frames.
 struct TriedModel {
   std::string model;
   bool recommended = false;
-  double held_out_rms = 0;  ///< px; NaN: it has no score
-  std::string judgement;    ///< against the best model, or why it has no score
+  double held_out_rms = 0;  ///< px; NaN: not known
+  std::string judgement;    ///< comparison with the best model, or why there is no error
 };
 
 /// Tries these models, or all that fit, for the cameras of a session (`plenocal try`).
@@ -169,14 +171,14 @@ std::vector<TriedModel> TrySession(const Session& session,
                                    const std::vector<std::string>& models = {},
                                    const Run& run = {});
 
-/// A camera of a calibration before new images.
+/// Result of a check for one camera.
 struct CheckedCamera {
   std::string name;
-  bool valid = true;  ///< its parameters and its pose in the rig still hold
+  bool valid = true;  ///< its parameters and its pose in the rig are still valid
   int points = 0;
   double rms = 0;                        ///< with the calibration's parameters, px
-  double expected = 0;                   ///< of `rms` if the calibration holds, px
-  double rotation = 0, translation = 0;  ///< of the camera in the rig since then, rad and m
+  double expected = 0;                   ///< expectation of `rms` if `valid`, px
+  double rotation = 0, translation = 0;  ///< change of the pose in the rig, rad and m
 };
 
 struct Check {
@@ -185,19 +187,19 @@ struct Check {
   std::vector<Finding> findings;
 };
 
-/// Does the calibration hold for new images of its cameras (`plenocal compare --check`)?
+/// Tests whether a calibration is still valid for new images (`plenocal compare --check`).
 Check CheckSession(const Calibration& calibration, const Session& session, const Run& run = {});
 
-/// How far two calibrations of one camera differ in the image, over all of it.
+/// Difference of two calibrations of one camera over the whole image.
 struct Difference {
   std::string camera;
   double distance = 0;          ///< of the scene, m; infinite: far away
   double rms = 0, largest = 0;  ///< px
   double predicted = 0;         ///< RMS by the standard errors of both, px; NaN: not known
-  bool differs = false;         ///< by more than they explain
+  bool differs = false;         ///< by more than the standard errors explain
 };
 
-/// For each camera that both have and each distance, m; without distances at 1 m and far away.
+/// Compares each camera that both have, at each distance, m; without distances at 1 m and infinity.
 std::vector<Difference> CompareCalibrations(const Calibration& a,
                                             const Calibration& b,
                                             const std::vector<double>& distances = {});
@@ -212,29 +214,31 @@ struct SuggestOptions {
 /// A pose of the target whose image lowers the standard error of the projection most.
 struct SuggestedView {
   std::string words;                         ///< "board in the lower left corner, 0.30 m away, ..."
-  std::string camera;                        ///< that sees it
+  std::string camera;                        ///< the camera that takes the image
   std::array<double, 16> T_camera_target{};  ///< 4 x 4, row by row, m
   double sigma_before = 0, sigma_after = 0;  ///< over the image, px; infinite: not determined
 };
 
-/// Best first, each with those before it taken. The calibration is one before a target.
+/// Suggests views, best first; each assumes that those before it have been taken. The calibration
+/// must have been made with a target.
 std::vector<SuggestedView> SuggestViews(const Calibration& calibration,
                                         const SuggestOptions& options = {},
                                         const Run& run = {});
 
-/// Pose of a camera before a target.
+/// Pose of a camera relative to a target.
 struct Location {
   std::string frame;
   std::array<double, 16>
       T_target_camera{};  ///< 4 x 4, row by row: p_target = T_target_camera p_camera, m
   /// 6 x 6, row by row: of translation (m) and rotation vector (rad).
   std::array<double, 36> covariance{};
-  std::size_t points = 0, used = 0;  ///< seen; in agreement with the pose
+  std::size_t points = 0, used = 0;  ///< detected; consistent with the pose
   double rms = 0;                    ///< px
 };
 
-/// Of each image that shows enough of the target (a word, a file, or the text of one). `camera`:
-/// empty: the only one. Throws `Error` of kind kJob when no image does.
+/// Estimates the pose for each image that shows enough of the target. `target`: in one word, a
+/// file, or the text of a target.yaml; `camera`: empty if there is only one. Throws `Error` of kind
+/// kJob if no image shows enough.
 std::vector<Location> LocateImages(const Calibration& calibration,
                                    const std::string& camera,
                                    const std::string& target,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A running `plenocal-video`, the program that decodes a video for this process.
+// Runs `plenocal-video`, the program that decodes a video for this process.
 #pragma once
 
 #include <sys/types.h>
@@ -13,6 +13,7 @@
 
 namespace plenocal {
 
+/// One running decoder. Not thread-safe.
 class VideoDecoder {
  public:
   /// Opens the video. Throws `Error` of kind kJob when the program cannot be started.
@@ -21,15 +22,15 @@ class VideoDecoder {
   VideoDecoder(const VideoDecoder&) = delete;
   VideoDecoder& operator=(const VideoDecoder&) = delete;
 
-  /// The answer of opening: not good for what is no video.
+  /// The answer to the opening of the file; not `good` if it is no video.
   [[nodiscard]] const VideoAnswer& Opened() const { return opened_; }
-  /// Not good also when the decoder has ended.
+  /// Sends a request and returns the answer, which is not `good` if the decoder has ended.
   VideoAnswer Ask(VideoRequest request, std::size_t index = 0);
-  /// Pixels that follow an answer; false when the decoder has ended.
+  /// Receives the pixels that follow an answer; false if the decoder has ended.
   bool Receive(std::span<std::uint8_t> pixels);
 
  private:
-  /// Ends the program; its status as `waitpid` gives it.
+  /// Ends the program; returns its status as `waitpid` gives it.
   int End();
 
   pid_t process_ = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Messages between a video's store and the program that decodes it, of the same build.
+// Messages between `VideoDecoder` and the program that decodes a video. Both are of one build, so
+// that a message is sent as it lies in memory.
 #pragma once
 
 #include <sys/socket.h>
@@ -12,7 +13,7 @@ namespace plenocal {
 
 enum class VideoRequest : int {
   kGrab,      ///< decode the next frame
-  kRetrieve,  ///< its pixels: BGR, rows without gaps, after the answer
+  kRetrieve,  ///< send its pixels after the answer: BGR, rows without gaps
   kSeek,      ///< make frame number `index` the next one
 };
 
@@ -21,7 +22,7 @@ struct VideoQuestion {
   int index = 0;
 };
 
-/// The first answer, before any question, is that of opening the file.
+/// The first answer, before any question, reports the opening of the file.
 struct VideoAnswer {
   bool good = false;
   int width = 0, height = 0;  ///< of opening and of kRetrieve

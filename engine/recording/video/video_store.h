@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Videos as stores of images.
+// Reads the frames of videos as images of a store.
 #pragma once
 
 #include <deque>
@@ -18,13 +18,13 @@ namespace plenocal {
 
 class VideoDecoder;
 
-/// Has the frames decoded one after the other by OpenCV's videoio and FFmpeg, in a process of its
-/// own. Frames are found fastest in their order; of those before the latest one the video is
-/// decoded again.
+/// The frames of a video, decoded by OpenCV's videoio and FFmpeg in a process of its own
+/// (`VideoDecoder`). Reading them in order is fastest. To read a frame before the latest one, the
+/// decoder seeks it by its time or decodes from the beginning.
 class VideoStore : public ImageStore {
  public:
-  /// Decodes all of it once, for the number of frames and their times. Throws `Error` of kind
-  /// kInput for what cannot be decoded, and of kind kJob when the decoder cannot be started.
+  /// Decodes the whole video once to count the frames and read their times. Throws `Error` of kind
+  /// kInput if it cannot be decoded, and of kind kJob if the decoder cannot be started.
   explicit VideoStore(std::filesystem::path path);
   ~VideoStore() override;
   VideoStore(const VideoStore&) = delete;
@@ -35,19 +35,19 @@ class VideoStore : public ImageStore {
   [[nodiscard]] std::string Hash(size_t index) const override;
   [[nodiscard]] bool HasFiles() const override { return false; }
 
-  /// Seconds since its beginning; of a video that states none nothing.
+  /// Times of the frames, s since the beginning; empty if the video has none that increase.
   [[nodiscard]] const std::vector<double>& Times() const { return times_; }
   [[nodiscard]] size_t Count() const { return count_; }
-  /// Notes on what is unusual, in whole sentences.
+  /// Remarks on unusual properties of the file, in whole sentences.
   [[nodiscard]] const std::vector<std::string>& Notes() const { return notes_; }
 
  private:
   void Open() const;
-  /// Decodes the frame after the latest one and gives its time in s; nothing at the end.
+  /// Decodes the next frame and returns its time, s; nothing at the end.
   std::optional<double> Grab() const;
   [[nodiscard]] StoredImage Retrieve() const;
   void CountFrames();
-  /// Makes `next_` the frame `index`.
+  /// Moves the decoder so that `next_` is `index`.
   void GoTo(size_t index) const;
 
   std::filesystem::path path_;
@@ -59,14 +59,14 @@ class VideoStore : public ImageStore {
   mutable std::mutex mutex_;
   mutable std::unique_ptr<VideoDecoder> video_;
   mutable size_t next_ = 0;  // the frame that is decoded next
-  /// Frames that other threads have asked to pass over and that may be asked for next.
+  /// Latest frames that were skipped on the way to a later one; other threads may read them next.
   mutable std::deque<std::pair<size_t, StoredImage>> passed_;
 };
 
 /// Names that end in .mp4, .avi, .mkv, .mov, .webm, ...
 bool IsVideoName(const std::filesystem::path& path);
 
-/// The frames of a video, called after their numbers from 0 on.
+/// The frames of a video, named by their numbers from 0 on.
 std::vector<FrameImage> VideoImages(const std::filesystem::path& path,
                                     std::vector<std::string>* notes);
 
