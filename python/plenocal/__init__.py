@@ -51,7 +51,7 @@ def models() -> list[str]:
 
 
 def model_info(name: str) -> dict[str, Any]:
-    """Of the camera model of this name: source, params (name, unit, lower, upper, scale), measured, context,
+    """Properties of the camera model of this name: source, params (name, unit, lower, upper, scale), measured, context,
     example, example_config, example_size, central, plenoptic. Raises `InputError`."""
     info = _core.model_info(name)
     if not info:
@@ -60,8 +60,8 @@ def model_info(name: str) -> dict[str, Any]:
 
 
 def check_model(name: str) -> str:
-    """Whether projection, inverse and derivatives of the camera model of this name agree (`plenocal
-    models check`): a line "holds" or "VIOLATED" for each property. Raises `InputError`."""
+    """Tests whether projection, inverse and derivatives of the camera model of this name agree (`plenocal
+    models check`). Returns a line "holds" or "VIOLATED" for each property. Raises `InputError`."""
     return _core.check_model(name)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments as arrays of the right type and shape, and tables as structured arrays."""
+"""Converts arguments to arrays of the right type and shape, and tables to structured arrays."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 
 def floats(value: Any, name: str, columns: int | None = None) -> FloatArray:
-    """`value` as rows (N, `columns`) of 64-bit numbers, or as it is shaped; copied only if need be.
+    """`value` as rows (N, `columns`) of 64-bit numbers, or in its own shape; copied only if necessary.
 
-    Raises `InputError` for another shape or what are no real numbers.
+    Raises `InputError` for another shape and for values that are not real numbers.
     """
     import numpy as np
 
@@ -38,12 +38,12 @@ def floats(value: Any, name: str, columns: int | None = None) -> FloatArray:
 
 
 def transform(value: Any, name: str) -> FloatArray:
-    """A rigid transform as a matrix of shape (4, 4); raises `InputError` for what is none."""
+    """A rigid transform as a matrix of shape (4, 4); raises `InputError` for any other matrix."""
     import numpy as np
 
     matrix = floats(value, name, 4)
     rotation = matrix[:3, :3]
-    tolerance = 1e-6  # of matrices that were written with few digits
+    tolerance = 1e-6  # for matrices written with few digits
     if (
         matrix.shape != (4, 4)
         or not np.isfinite(matrix).all()
@@ -56,7 +56,7 @@ def transform(value: Any, name: str) -> FloatArray:
 
 
 def table(columns: Mapping[str, Any]) -> Table:
-    """A structured array of columns of one length."""
+    """A structured array of columns of equal length."""
     import numpy as np
 
     arrays = {name: np.asarray(column) for name, column in columns.items()}
@@ -73,7 +73,7 @@ def table(columns: Mapping[str, Any]) -> Table:
 
 
 def images_in_memory(images: Any) -> list[tuple[str, list[tuple[str, Any]]]]:
-    """Cameras with their frames, of arrays of images; empty of paths. One camera's is called "cam".
+    """Cameras with their frames if `images` holds arrays; empty if it holds paths. A single camera is named "cam".
 
     Raises `InputError` for arrays that are no images.
     """
@@ -95,7 +95,7 @@ def _numbered(frames: Iterable[Any]) -> list[tuple[str, Any]]:
 
 
 def _pixels(pixels: Any, where: str) -> Any:
-    """An array whose rows lie in memory as those of an image, copied only if need be."""
+    """An array whose rows are contiguous in memory, copied only if necessary."""
     import numpy as np
 
     array = np.asarray(pixels)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Calibration:
-    """Calibrated cameras and, of a folder that `calibrate` wrote, all else that it found.
+    """Calibrated cameras and, if read from a folder of `calibrate`, all its other results.
 
     >>> from plenocal import Camera
     >>> camera = Camera("pinhole", (640, 480), [500.0, 500.0, 319.5, 239.5], name="left")
@@ -36,7 +36,7 @@ class Calibration:
     def _set(self, native: _core.Record) -> None:
         self._native = native
         self._cameras = [Camera._of(camera) for camera in native.cameras]
-        #: Parameters and fit as text, of a calibration that this process has made.
+        #: Parameters and fit as text; empty for a calibration that was read from files.
         self.summary = ""
 
     @classmethod
@@ -50,7 +50,7 @@ class Calibration:
         """Reads a calibration.
 
         Args:
-            path: a folder that `plenocal calibrate` wrote, or a calibration.yaml (without frames, markers and
+            path: a folder of results of `plenocal calibrate`, or a calibration.yaml (without frames, markers and
                 residuals).
 
         Raises `InputError` with file, line and key.
@@ -59,7 +59,7 @@ class Calibration:
 
     @classmethod
     def of_cameras(cls, cameras: Sequence[Camera]) -> Calibration:
-        """A rig of given cameras, the first of which is the master. Raises `InputError`."""
+        """A rig of these cameras; the first is the master. Raises `InputError`."""
         names = [camera.name for camera in cameras]
         if not names or len(set(names)) < len(names):
             raise InputError(f"cameras: expected cameras with different names, found {names}")
@@ -80,7 +80,7 @@ class Calibration:
         return list(self._cameras)
 
     def __getitem__(self, name: str | int) -> Camera:
-        """A camera by name or place."""
+        """A camera by name or index."""
         if isinstance(name, int):
             return self._cameras[name]
         for camera in self._cameras:
@@ -96,24 +96,24 @@ class Calibration:
 
     @property
     def verdict(self) -> dict[str, Any] | None:
-        """`{"grade": "good", "findings": [...]}` (docs/diagnosis.md); None: not judged."""
+        """`{"grade": "good", "findings": [...]}` (docs/diagnosis.md); None: not graded."""
         verdict: dict[str, Any] | None = json.loads(self._native.verdict())
         return verdict
 
     @property
     def poses(self) -> Table:
-        """A row a frame: frame, T_target_rig (4, 4), p_target = T_target_rig p_rig, m."""
+        """One row per frame: frame, T_target_rig (4, 4), p_target = T_target_rig p_rig, m."""
         return table(self._native.poses())
 
     @property
     def markers(self) -> Table:
-        """A row a marker of the target: marker, position (3,), sigma (3,), m; NaN: not estimated."""
+        """One row per marker of the target: marker, position (3,), sigma (3,), m; NaN: not estimated."""
         return table(self._native.markers())
 
     def residuals(self, camera: str | int = 0) -> Table:
-        """A row an observation of a camera (its name or place): frame, marker, measured coordinates and
+        """One row per observation of a camera (its name or index): frame, marker, measured coordinates and
         context (px), residual_x, residual_y (measured minus predicted, px; NaN outside the model's
-        domain), noise_sigma (px) and used (false: rejected). pandas.DataFrame takes it as it is."""
+        domain), noise_sigma (px) and used (false: rejected). Fits pandas.DataFrame as it is."""
         index = [c.name for c in self._cameras].index(self[camera].name)
         columns = self._native.residuals(index)
         columns["used"] = columns["used"].astype(bool)
@@ -131,11 +131,11 @@ class Calibration:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """From what and how the calibration was made."""
+        """Origin of the calibration: version of the program, command line, session, target (docs/formats.md)."""
         return self._native.provenance
 
     def report(self, path: PathLike) -> None:
-        """Writes the report to this path, one HTML page that needs no network. Needs a whole folder."""
+        """Writes the report to this path: one HTML page that needs no network. Not for a calibration.yaml alone."""
         page = self._native.report()
         with open(path, "w", encoding="utf-8") as file:
             file.write(page)
@@ -146,8 +146,8 @@ class Calibration:
         """Writes another tool's file (`plenocal export`).
 
         Args:
-            path: the file; of formats with one file a camera several become FILE_<camera>. Of "colmap" a folder without
-                extension takes poses and points as well.
+            path: the file. Formats with one file per camera write several cameras to FILE_<camera>. With "colmap" and a
+                folder (no extension), poses and points are written too.
             format: name of the other tool (docs/exchange.md).
             cameras: names of the cameras, in this order; empty: all.
             response: pcalib.txt, for formats that hold a vignetting; empty: none.

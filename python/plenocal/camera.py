@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One camera: its model, parameters and pose, and what follows from them."""
+"""One camera: its model, parameters, pose and uncertainty; projections, comparison and conversion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Projection(NamedTuple):
-    """Image points with derivatives; NaN where the model images nothing."""
+    """Image points with derivatives; NaN where the model has no image point."""
 
     values: FloatArray  #: (N, M), px
     by_params: FloatArray  #: (N, M, P): by the camera's parameters
@@ -22,7 +22,7 @@ class Projection(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Points origin + lambda * direction, lambda > 0, in the camera's frame; NaN where there is none."""
+    """Rays origin + lambda * direction, lambda > 0, in the camera's frame; NaN where there is none."""
 
     origins: FloatArray  #: (N, 3), m
     directions: FloatArray  #: (N, 3), of length 1
@@ -31,13 +31,13 @@ class Rays(NamedTuple):
 class Difference(NamedTuple):
     """Difference of two calibrations of one camera (`plenocal compare`)."""
 
-    T_b_a: FloatArray  #: (4, 4): motion of the camera's frame that was taken out
-    #: A row a distance: distance (m), points, rms and largest (px), predicted (px, from the
-    #: covariances of both; NaN unknown), probability, differs
+    T_b_a: FloatArray  #: (4, 4): motion of the camera's frame that is subtracted from the difference
+    #: One row per distance: distance (m), points, rms and largest (px), predicted (px, from the
+    #: covariances of both; NaN: not known), probability, differs
     distances: Table
-    #: Per distance (K, 5): x, y, dx, dy, predicted, px
+    #: For each distance (K, 5): x, y, dx, dy, predicted, px
     pixels: list[FloatArray]
-    same: bool | None  #: within the uncertainty of both; None: not known
+    same: bool | None  #: equal within the uncertainty of both; None: not known
 
     @property
     def rms(self) -> float:
@@ -51,7 +51,7 @@ class Conversion(NamedTuple):
     camera: Camera
     rms: float  #: px
     largest: float  #: px
-    unseen: int  #: pixels of a grid whose rays the model does not image
+    unseen: int  #: pixels of a grid whose rays have no image point in the new model
 
 
 class Camera:
@@ -88,7 +88,7 @@ class Camera:
             model: name of the camera model (`plenocal.models()`).
             image_size: width and height, px.
             params: the model's parameters, in its order.
-            config: what the model needs beside them (pixel_size of a plenoptic camera, m).
+            config: constants that the model needs in addition (pixel_size of a plenoptic camera, m).
             name: name in the rig.
             T_camera_rig: (4, 4), p_camera = T_camera_rig p_rig, m; None: identity.
             covariance: (P, P) of params; None: zero.
@@ -147,7 +147,7 @@ class Camera:
 
     @property
     def context(self) -> list[str]:
-        """Names of the C numbers that an observation has beside them: a micro lens' centre, px."""
+        """Names of the C other numbers of an observation: of a plenoptic camera the centre of the micro image, px."""
         return self._native.context
 
     @property
@@ -157,7 +157,7 @@ class Camera:
 
     @property
     def config(self) -> FloatArray:
-        """What the model has beside estimated parameters."""
+        """Constants of the model that are not estimated (pixel_size of a plenoptic camera, m)."""
         return self._native.config
 
     @property
@@ -185,18 +185,18 @@ class Camera:
         return self._native.fit
 
     def project(self, points: Any, context: Any = None) -> FloatArray:
-        """Image points (N, M), px; NaN where the model images nothing.
+        """Image points (N, M), px; NaN where the model has none.
 
         Args:
             points: (N, 3), in the camera's frame, m.
-            context: (N, C), of a plenoptic camera the centres of the micro images, px; None: of an ordinary one.
+            context: (N, C), for a plenoptic camera the centres of the micro images, px; None for an ordinary camera.
 
         Raises `InputError` for wrong shapes.
         """
         return self._native.project(floats(points, "points", 3), self._contexts(context, points))
 
     def unproject(self, pixels: Any, context: Any = None) -> FloatArray:
-        """Directions (N, 3), of length 1, of the rays through image points; NaN: none.
+        """Unit vectors (N, 3) along the rays of image points; NaN: no ray.
 
         Args:
             pixels: image points (N, M), px.
@@ -205,10 +205,10 @@ class Camera:
         return self.rays(pixels, context).directions
 
     def rays(self, pixels: Any, context: Any = None) -> Rays:
-        """The rays on which seen points lie; NaN: none.
+        """The rays of image points; NaN: no ray.
 
         Args:
-            pixels: where they are seen, (N, M), px.
+            pixels: image points (N, M), px.
             context: as of `project`.
         """
         pixels = floats(pixels, "pixels", len(self.measured))
@@ -225,11 +225,10 @@ class Camera:
         return Projection(*self._native.jacobian(points, self._contexts(context, points)))
 
     def uncertainty(self, points: Any, context: Any = None) -> FloatArray:
-        """Covariances (N, M, M), px^2, of the projections of points that do not move.
+        """Covariances (N, M, M), px^2, of the projections of fixed points, by the covariance of the parameters.
 
-        From the covariance of the parameters to first order; infinite where a parameter that was
-        not determined has an effect. A motion of the camera's frame can compensate a part of it:
-        `image_sigma` leaves that part out.
+        Computed to first order; infinite where a parameter that is not determined has an effect. A
+        motion of the camera's frame can compensate a part of it; `image_sigma` leaves that part out.
 
         Args:
             points: (N, 3), in the camera's frame, m.
@@ -250,7 +249,7 @@ class Camera:
     def compare(
         self, other: Camera, distances: Sequence[float] = (1.0, float("inf"))
     ) -> Difference:
-        """How far another calibration of this camera differs in the image (`plenocal compare`).
+        """Difference of another calibration of this camera over the image (`plenocal compare`).
 
         Args:
             other: the camera in the other calibration, of any model.
@@ -264,7 +263,7 @@ class Camera:
         return Difference(found["T_b_a"], table(columns), pixels, same)
 
     def convert(self, model: str) -> Conversion:
-        """This camera as another model sees it, fitted over the image (`plenocal convert`).
+        """This camera with another model, fitted over the image (`plenocal convert`).
 
         Args:
             model: name of the other camera model.

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions and calibrations: what the commands of the program do with them.
+"""The program's commands on sessions and calibrations as functions.
 
-Each function is a run of the engine in this process. Runs of several threads go on side by side, and each is stopped
-by itself: by Ctrl-C in the main thread, or by an exception in `progress`, which is passed on. Nothing is written
-unless `out` is given; the files are then those of the program. Messages go to the logger "plenocal". Errors are those
-of `plenocal.errors`.
+Each function is a run of the engine in this process. Several threads may have runs at the same time. Ctrl-C in the
+main thread, or an exception in `progress`, which is passed on, stops its own run only. Files are written only if `out`
+is given, the same as by the program. Messages go to the logger "plenocal". Errors are those of `plenocal.errors`.
 """
 
 from __future__ import annotations
@@ -47,26 +46,25 @@ def calibrate(
     """Calibrates the cameras of a session, or cameras from images and a target (`plenocal calibrate`).
 
     Args:
-        session: a `Session`, or the file of one; None: there are images.
+        session: a `Session` or its file; None: `images` and `target` are given.
         out: folder for the results; None: none are written.
-        images: a folder, a glob or files of one camera; `{name: glob}` of several, the first being the rig's master;
-            or arrays: of one camera a sequence, of several `{name: {frame: array}}`. An array has the shape (H, W), or
+        images: a folder, a glob or files of one camera; `{name: glob}` of several, the first is the rig's master; or
+            arrays: a sequence for one camera, `{name: {frame: array}}` for several. An array has the shape (H, W), or
             (H, W, 3) in the order blue, green, red, and 8 or 16 bits. Images of one frame were taken at once.
-        target: of images: a `Target`, a target in one word ("chessboard:9x6:25mm"), or a file.
-        model: of images: a camera model (`models()`); "auto": chosen by held-out frames.
-        jackknife: standard errors from leaving out frames beside the others.
-        exclude: rules beside the session's, in YAML ("camera: left, frame: '07'"): images that are not used.
-        frames: most frames to use; 0: as many as the session says.
+        target: with images: a `Target`, a target in one word ("chessboard:9x6:25mm"), or a file.
+        model: with images: a camera model (`models()`); "auto": chosen by cross-validation.
+        jackknife: also estimate standard errors by leaving out groups of frames.
+        exclude: rules for images to leave out, in YAML ("camera: left, frame: '07'"), in addition to the session's.
+        frames: largest number of frames to use; 0: as in the session.
         all_frames: use all frames of a long recording.
         keep: write pictures of the stages into `out`/images.
-        fresh: detect again where an earlier run into `out` has kept detections.
+        fresh: detect again, even if an earlier run into `out` has cached its detections.
         report: write `out`/report.html.
         require: "good" or "usable"; a worse verdict raises `GradeError`, after the files are written.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Raises `InputError` for a session, images or a target that are wrong, `JobError` where they determine no
-    calibration.
+    Raises `InputError` if session, images or target are wrong, `JobError` if they determine no calibration.
     """
     if (session is None) == (not isinstance(images, os.PathLike) and len(images) == 0):
         raise InputError("calibrate: give a session, or images with a target")
@@ -113,15 +111,15 @@ def detect_session(
     """Detects the target in all images of a session (`plenocal detect`).
 
     Args:
-        session: a `Session`, or the file of one.
+        session: a `Session` or its file.
         out: folder for detections_<camera>.csv; None: none is written.
         keep: write pictures of the stages into `out`/images.
-        fresh: detect again where an earlier run into `out` has kept detections.
+        fresh: detect again, even if an earlier run into `out` has cached its detections.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns for each camera a table with a row a point: frame, marker, measured coordinates and context (px), sigma
-    (of each coordinate, px). Raises `InputError`, and `JobError` where no image of a camera shows the target.
+    Returns for each camera a table with one row per point: frame, marker, measured coordinates and context (px), sigma
+    (of each coordinate, px). Raises `InputError`, and `JobError` if no image of a camera shows the target.
     """
     options = _with_options(_core.SessionOptions(), out, keep, fresh)
     found = _core.detect_session(_open(session)._native, options, caller(threads, progress))
@@ -138,14 +136,14 @@ def try_models(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """Which camera model predicts frames that it has not seen best (`plenocal try`).
+    """Compares camera models by their errors in held-out frames (`plenocal try`).
 
     Args:
-        session: a `Session`, or the file of one.
+        session: a `Session` or its file.
         out: folder for try.csv, try.yaml and the page try.html; None: none are written.
-        models: names of the models; empty: all that measure what the cameras measure.
+        models: names of the models; empty: all that have the same measured coordinates as the cameras.
         camera: the camera whose model is varied; empty: all of one type.
-        folds: of the cross-validation, 2 or more.
+        folds: number of parts of the cross-validation, 2 or more.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
@@ -168,18 +166,18 @@ def check(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Whether a calibration still holds for new images (`plenocal compare --check`).
+    """Tests whether a calibration is still valid for new images (`plenocal compare --check`).
 
     Args:
         calibration: a `Calibration`, its folder or its calibration.yaml.
-        session: a `Session` of the new images, or the file of one.
+        session: a `Session` of the new images or its file.
         out: folder for check.json, compare.csv and difference.png; None: none are written.
-        map: for cameras of the session that have other names in the calibration, those.
+        map: for cameras with different names: `{name in the session: name in the calibration}`.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns the content of check.json (docs/formats.md): valid, frames, cameras (RMS in px, turns in radians, shifts in
-    metres), verdict. Raises `InputError`, and `JobError` where the new images determine no poses.
+    Returns the content of check.json (docs/formats.md): valid, frames, cameras (RMS in px, rotations in radians,
+    translations in metres), verdict. Raises `InputError`, and `JobError` if the new images determine no poses.
     """
     request = _with_options(_core.CheckRequest(), out)
     request.map = [f"{a}={b}" for a, b in (map or {}).items()]
@@ -199,14 +197,14 @@ def compare(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """How far two calibrations differ in the image (`plenocal compare`).
+    """Difference of two calibrations over the image (`plenocal compare`).
 
     Args:
         a: a `Calibration`, its folder or its calibration.yaml.
-        b: another, of any models.
+        b: another one, with any camera models.
         out: folder for compare.csv and difference.png; None: none are written.
         distances: of the scene, m, `inf` for far away; empty: 1 m and far away.
-        map: for cameras of `a` that have other names in `b`, those.
+        map: for cameras with different names: `{name in a: name in b}`.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
@@ -238,24 +236,24 @@ def suggest(
     """Poses of the target whose images would lower the projection's standard error most (`plenocal suggest`).
 
     Args:
-        source: a `Calibration`, a `Session`, the folder of one or the file of the other; None: there is no image yet,
-            and target, size and angle are given.
+        source: a `Calibration` or its folder, a `Session` or its file; None: there is no image yet, and target, size
+            and angle are given.
         target: before the first image: a `Target`, a target in one word, or a file.
         size: before the first image: width and height, px.
         model: before the first image: a camera model (`models()`).
         angle: horizontal field of view, degrees (1 to 300): before the first image, and while images do not determine
             it; None: not given.
         count: number of suggestions, 1 to 100.
-        near: least distance of the target, m; None: as target and lens allow.
+        near: smallest distance of the target, m; None: as target and lens allow.
         far: largest distance of the target, m; None: likewise.
         tilt: largest tilt of the target against the line of sight, degrees (0 to 75).
         goal: standard error of the projection that suffices, px.
-        picture: SVG or PNG file that shows what the images should look like; empty: none is written.
+        picture: SVG or PNG file with a drawing of the suggested images; empty: none is written.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
     Returns what docs/suggest.md lists under JSON: sigma_now (px), views with words, T_camera_target (4 x 4),
-    sigma_after (px), ... Raises `InputError`, and `JobError` where the images determine no calibration and no angle is
+    sigma_after (px), ... Raises `InputError`, and `JobError` if the images determine no calibration and no angle is
     given.
     """
     request = _core.SuggestRequest()
@@ -287,16 +285,16 @@ def weigh(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """What a picture of the target would add to a calibration (`plenocal suggest --image`).
+    """Predicts how much a picture of the target would improve a calibration (`plenocal suggest --image`).
 
     Args:
-        calibration: the folder that `calibrate` wrote.
-        pictures: an image file of the only camera, or `{camera: file}` of pictures that were taken at once.
+        calibration: the folder of results of `calibrate`.
+        pictures: an image file for a single camera, or `{camera: file}` for pictures that were taken at once.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns points, words, sigma_now and sigma_after (px), share (of what the best view would add); None: not known.
-    Raises `InputError` for a picture of another size or of a camera that there is not.
+    Returns points, words, sigma_now and sigma_after (px), share (of the improvement by the best view); None: not known.
+    Raises `InputError` for a picture of another size or of an unknown camera.
     """
     named = pictures if isinstance(pictures, Mapping) else {"": pictures}
     files = {name: os.fspath(path) for name, path in named.items()}
@@ -315,22 +313,22 @@ def locate(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """Pose of each image before a target or the points of a map (`plenocal locate`).
+    """Pose of each image relative to a target or the points of a map (`plenocal locate`).
 
     Args:
         calibration: a `Calibration`, its folder or its calibration.yaml.
-        map: a `Target`, a target in one word, the file of one, or points.csv of an earlier run.
+        map: a `Target`, a target in one word, a target's file, or points.csv of an earlier run.
         images: folders, globs, image files or tables of detections (CSV); or arrays: a sequence, or `{name: array}`,
             of the shape (H, W), or (H, W, 3) in the order blue, green, red, and 8 or 16 bits.
         out: table for the poses (CSV); None: none is written.
-        camera: the camera of the images; needed if the calibration has several.
+        camera: the camera of the images; required if the calibration has several.
         white: white images of a plenoptic camera: folders, globs and files.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
     Returns for each image that has a pose a dict: image, points, used, rms (px), translation (3,) (m) and quaternion
     (4,) (x, y, z, w) of T_map_camera, T_map_camera (4, 4), covariance (6, 6) (se(3): x, y, z in m, then rotations in
-    radians). Raises `InputError`, and `JobError` when no image has a pose.
+    radians). Raises `InputError`, and `JobError` if no image has a pose.
     """
     request = _core.LocateRequest()
     if isinstance(map, Target) or not os.fspath(map).endswith(".csv"):
@@ -357,7 +355,7 @@ def simulate(
     """Makes a session with known truth (`plenocal simulate`).
 
     Args:
-        specification: the file of docs/simulate.md.
+        specification: file with the specification (docs/simulate.md).
         out: folder for the session, its images and its truth.
         points: write noisy detections in place of images.
         threads: number of threads; 0: one a core.
@@ -373,7 +371,7 @@ _GRADES = ("good", "usable", "bad")
 
 
 def paths(given: PathLike | Sequence[PathLike]) -> list[str]:
-    """One path or several as texts."""
+    """One or several paths as a list of texts."""
     if isinstance(given, (str, os.PathLike)):
         return [os.fspath(given)]
     return [os.fspath(path) for path in given]
@@ -405,7 +403,7 @@ def _positive(number: float | None, name: str) -> float:
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
-    """The rows of a CSV table with its numbers as numbers."""
+    """The rows of a CSV table; cells with numbers become floats, empty ones None."""
 
     def value(text: str) -> Any:
         try:
@@ -417,7 +415,7 @@ def _rows(text: str) -> list[dict[str, Any]]:
 
 
 def _open(session: Session | PathLike) -> Session:
-    """The session as its file is now, or the one in memory."""
+    """The session, read again if it has a file."""
     if isinstance(session, Session):
         return Session(session.path) if session.text else session
     return Session(session)

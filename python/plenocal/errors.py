@@ -5,9 +5,9 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """What plenocal raises: one line that says where, what was expected and found, and what to do."""
+    """Base of plenocal's exceptions. The message is one line: location, what was expected and found, remedy."""
 
-    #: What the command printed before it failed.
+    #: Output of the program before the failure (of `run`).
     output: str = ""
 
 
@@ -20,4 +20,4 @@ class JobError(Error, RuntimeError):
 
 
 class GradeError(Error):
-    """The results are written, but worse than `require` asks for (exit status 3)."""
+    """The results are written, but their grade is worse than `require` (exit status 3)."""

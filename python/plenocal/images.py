@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Images: white images, raw plenoptic images, and images of calibrated cameras.
+"""The program's commands on images as functions: white images, raw plenoptic images, images of calibrated cameras.
 
-As in `plenocal.commands` each function is a run of the engine in this process.
+Each function is a run of the engine in this process, as in `plenocal.commands`.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ class White(NamedTuple):
 
     camera: str
     attenuation: Any  #: (H, W) float32, from 0 to 1
-    micro_lenses: Table | None  #: x, y (px), type, row, column, usable; None: of an ordinary camera
-    #: gain, read (grey values), their gain_sigma and read_sigma, saturation, misfit (relative); None: of one image
+    micro_lenses: Table | None  #: x, y (px), type, row, column, usable; None for an ordinary camera
+    #: gain, read (grey values), their gain_sigma and read_sigma, saturation, misfit (relative); None with one image
     noise: dict[str, float] | None
     summary: str  #: as the program prints it
 
 
 class Focused(NamedTuple):
-    """A raw plenoptic image, matched against itself."""
+    """Totally focused image and virtual depth of a raw plenoptic image."""
 
     frame: str
-    image: Any  #: (H, W) or (H, W, 3), blue, green, red: all in focus; None: written into a folder
-    depth: Any  #: (H, W) float32: virtual depth, NaN unknown; likewise
-    depth_sigma: Any  #: (H, W) float32: its standard error; likewise
+    image: Any  #: (H, W) or (H, W, 3), blue, green, red: totally focused image; None if written into a folder
+    depth: Any  #: (H, W) float32: virtual depth, NaN where unknown; None likewise
+    depth_sigma: Any  #: (H, W) float32: its standard error; None likewise
     summary: str  #: one line
 
 
 class Rectified(NamedTuple):
     """Rectified images of a stereo pair."""
 
-    cameras: tuple[Camera, Camera]  #: that the written images are of
+    cameras: tuple[Camera, Camera]  #: the cameras of the written images
     baseline: float  #: m, negative when the second camera lies on the left
     images: tuple[int, int]  #: number written
     #: points, frames, rms, mean_absolute, largest (px): rows of the calibration's own detections
@@ -66,17 +66,17 @@ def white(
     """Micro-lens grid, attenuation and noise from white images (`plenocal white`).
 
     Args:
-        images: a `Session` or the file of one; or, with `model`, a folder, a glob or files of one camera.
+        images: a `Session` or its file; or, with `model`, a folder, a glob or files of one camera.
         out: folder for vignetting_<camera>.tiff, noise_<camera>.yaml, micro_lenses_<camera>.csv and
             grid_<camera>.png; None: none are written.
         model: camera model of the images (`models()`); empty: `images` is a session.
         camera: name for the results; empty: that of the images' folder.
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
-        grid: RayCalibData XML with the micro-lens grid; empty: it is found in the images.
+        grid: RayCalibData XML with the micro-lens grid; empty: it is estimated from the images.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns what was found of each camera. Raises `InputError`, and `JobError` where images show no grid.
+    Returns the results of each camera. Raises `InputError`, and `JobError` if images show no grid.
     """
     request = _core.WhiteRequest()
     request.inputs = [images.path] if isinstance(images, Session) else paths(images)
@@ -111,17 +111,17 @@ def focus(
 
     Args:
         images: raw images: folders, globs and files.
-        out: folder for the results, of several images of their folders; None: they are returned.
+        out: folder for the results (several images: for a folder of each); None: they are returned.
         white: white images of the camera: folders, globs and files.
         grid: in place of white images: micro_lenses_<camera>.csv or RayCalibData XML.
         vignetting: in place of white images: the attenuation, a TIFF file.
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
-        markers: file of a target whose markers' depth is flattened; empty: none.
+        markers: file of a target in the images, whose markers get a smooth depth; empty: none.
         scale: raw pixels per pixel of the results, 0.5 to 16.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns the result of each image that could be focused. Raises `InputError`, and `JobError` when none could.
+    Returns the result of each image that could be focused. Raises `InputError`, and `JobError` if none could.
     """
     request = _core.FocusRequest()
     request.raw = paths(images)
@@ -149,7 +149,9 @@ def rectify(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> Rectified:
-    """Image files of a stereo pair whose points lie in equal rows (`plenocal rectify`); `rectify_maps` gives tables.
+    """Writes images of a stereo pair with corresponding points in equal rows (`plenocal rectify`).
+
+    `rectify_maps` returns tables instead.
 
     Args:
         calibration: a `Calibration`, its folder or its calibration.yaml.
@@ -159,9 +161,9 @@ def rectify(
         cameras: names of the first and the second camera; empty: the calibration's two.
         size: width and height of the results, px; None: the first camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
-        balance: 0: every pixel has a source, 1: all that the cameras image; None: likewise.
+        balance: 0: every pixel has a source, 1: all of the cameras' images is visible; None: as by `fov`.
         interpolation: "linear", "nearest", "cubic" or "lanczos".
-        keep_vignetting: leave the vignetting in the images that the calibration has.
+        keep_vignetting: do not correct the calibrated vignetting.
         maps: write remap tables, too.
         preview: write pictures of the pairs, too.
         threads: number of threads; 0: one a core.
@@ -198,7 +200,7 @@ def undistort(
     threads: int = 0,
     progress: Progress | None = None,
 ) -> tuple[Camera, int]:
-    """Image files as a pinhole camera takes them (`plenocal undistort`); `undistort_maps` gives tables.
+    """Writes images of a camera as those of a pinhole camera (`plenocal undistort`); `undistort_maps` returns tables.
 
     Args:
         calibration: a `Calibration`, its folder or its calibration.yaml.
@@ -207,15 +209,15 @@ def undistort(
         camera: the camera of the images; empty: the calibration's only one.
         size: width and height of the results, px; None: the camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
-        balance: 0: every pixel has a source, 1: all that the camera images; None: likewise.
+        balance: 0: every pixel has a source, 1: all of the camera's image is visible; None: as by `fov`.
         interpolation: "linear", "nearest", "cubic" or "lanczos".
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
-        keep_vignetting: leave the vignetting in the images that the calibration has.
+        keep_vignetting: do not correct the calibrated vignetting.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
-    Returns the camera that the written images are of, and their number. Raises `InputError` for images that do not fit
-    the calibration.
+    Returns the camera of the written images, and their number. Raises `InputError` for images that do not fit the
+    calibration.
     """
     request = _core.UndistortRequest()
     request.images = paths(images)
@@ -237,16 +239,16 @@ def undistort_maps(
     balance: float | None = None,
     threads: int = 0,
 ) -> tuple[FloatArray, FloatArray, Camera]:
-    """Tables for cv2.remap, and the pinhole camera whose images they make (`plenocal map`).
+    """Tables for cv2.remap to the images of a pinhole camera, and that camera (`plenocal map`).
 
     Args:
         camera: an ordinary camera.
         size: width and height of the new images, px; None: the camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
-        balance: 0: every pixel has a source, 1: all that the camera images; None: likewise.
+        balance: 0: every pixel has a source, 1: all of the camera's image is visible; None: as by `fov`.
         threads: number of threads; 0: one a core.
 
-    Returns map_x and map_y, (H, W) float32, px, -1 where the camera images nothing, and the new camera.
+    Returns map_x and map_y, (H, W) float32, px, -1 where the camera has no image point, and the new camera.
     """
     options = _set_view(_core.ViewOptions(), size, fov, balance)
     x, y, view = _core.undistort_maps(camera._native, options, threads)
@@ -262,18 +264,18 @@ def rectify_maps(
     balance: float | None = None,
     threads: int = 0,
 ) -> tuple[tuple[FloatArray, FloatArray, Camera], tuple[FloatArray, FloatArray, Camera], float]:
-    """Tables for cv2.remap of a stereo pair, whose points then lie in equal rows.
+    """Tables for cv2.remap that rectify a stereo pair: corresponding points then lie in equal rows.
 
     Args:
         first: an ordinary camera of a rig.
-        second: another.
+        second: another camera of the same rig.
         size: width and height of the new images, px; None: the first camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
-        balance: 0: every pixel has a source, 1: all that the cameras image; None: likewise.
+        balance: 0: every pixel has a source, 1: all of the cameras' images is visible; None: as by `fov`.
         threads: number of threads; 0: one a core.
 
-    Returns for each camera map_x, map_y, new camera as `undistort_maps` does, and the baseline, m (negative when the
-    second camera lies on the left).
+    Returns for each camera map_x, map_y and the new camera, as `undistort_maps` does, and the baseline, m (negative if
+    the second camera is on the left).
     """
     options = _set_view(_core.ViewOptions(), size, fov, balance)
     one, two, baseline = _core.rectify_maps(first._native, second._native, options, threads)

@@ -24,12 +24,12 @@ class Param:
     Args:
         name: symbol of the paper, as in calibration.yaml.
         unit: "px", "m" or "1".
-        lower: its value lies above.
-        upper: its value lies below.
-        scale: a change of this size gives a different camera.
-        neutral: the value without effect; None: there is none.
+        lower: lower limit of its value, exclusive.
+        upper: upper limit of its value, exclusive.
+        scale: characteristic size; a change by this much gives a different camera.
+        neutral: value without effect; None: there is none.
         fixed: "never", "against_poses" (a motion of the camera has the same effect) or "always".
-        prior_sigma: of the Gaussian prior around 0 of one of many coefficients; 0: none.
+        prior_sigma: for one of many coefficients: standard deviation of the Gaussian prior around 0; 0: none.
     """
 
     name: str
@@ -47,11 +47,11 @@ INTRINSICS = (Param("f_x", "px", 0), Param("f_y", "px", 0), Param("c_x", "px"), 
 
 
 class CameraModel:
-    """A model of an ordinary camera, to try an idea: `project` in numpy, and `register` it.
+    """Base class for a model of an ordinary camera in Python, to try an idea.
 
-    It then works as any model of the program does, in sessions, `calibrate`, `try_models`,
-    `compare` and `models check`, but slower: Python is called for each point. Derivatives are
-    differences unless `jacobian` is given.
+    Write `project` in numpy, then `register` the class. The model then works in sessions, `calibrate`,
+    `try_models`, `compare` and `check_model`, but slower than the built-in ones: Python is called for
+    each point. Derivatives are finite differences unless `jacobian` is given.
 
     >>> class Quadratic(CameraModel):
     ...     name = "quadratic"
@@ -76,33 +76,33 @@ class CameraModel:
     source: ClassVar[str] = "a model in Python"
     #: Its parameters
     params: ClassVar[Sequence[Param]]
-    #: Parameters of a camera, and width and height of its image, for checks
+    #: Parameters of an example, and width and height of its image, for checks
     example: ClassVar[Sequence[float]]
     example_size: ClassVar[tuple[int, int]] = (640, 480)
 
     def project(self, params: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """x and y, px, of points. params: each parameter, point: x, y and z in the camera's frame,
-        m; all are arrays of one shape (K,), as the results. NaN outside of the model's domain."""
+        """Returns x and y, px, of points. params: the parameters; point: x, y and z in the camera's frame,
+        m. All of them and the results are arrays of one shape (K,). NaN outside of the model's domain."""
         raise NotImplementedError(f"{type(self).__name__}: project is missing")
 
     def jacobian(self, params: Sequence[float], point: Sequence[float]) -> tuple[Any, Any, Any]:
-        """Optional: of one point (x, y, z, m) and params the image point (2,), px, and its derivatives by
-        the parameters (2, P) and by the point (2, 3)."""
+        """Optional. For one point (x, y, z, m) and params returns the image point (2,), px, and its
+        derivatives by the parameters (2, P) and by the point (2, 3)."""
         raise NotImplementedError
 
     def unproject(self, params: Sequence[float], pixel: Sequence[float]) -> Any:
-        """Optional: direction (3,) of any length of the ray through one pixel (x, y, px) of a camera with
-        params, NaN: none. The default inverts `project`."""
+        """Optional. Direction (3,), of any length, of the ray through one pixel (x, y, px) of a camera with
+        params; NaN: no ray. The default inverts `project` numerically."""
         return self._invert(params, pixel)
 
     def start(self, f: float, c_x: float, c_y: float) -> Iterable[Sequence[float]]:
-        """Initial guesses: cameras that image directions near the axis as a plain lens of focal
-        length f and principal point (c_x, c_y), px, does. The default takes the first four
-        parameters for f_x, f_y, c_x, c_y and the neutral values of the others."""
+        """Initial guesses: parameters whose projection near the axis is that of a pinhole camera with focal
+        length f and principal point (c_x, c_y), px. The default takes the first four parameters for
+        f_x, f_y, c_x, c_y and the neutral values of the others."""
         rest = [0.0 if param.neutral is None else param.neutral for param in self.params[4:]]
         return [(f, f, c_x, c_y, *rest)]
 
-    # What the core calls.
+    # Called by the extension module.
 
     def _project_rows(self, params: FloatArray, points: FloatArray) -> FloatArray:
         import numpy as np
@@ -137,7 +137,7 @@ class CameraModel:
         return [[float(value) for value in camera] for camera in self.start(f, c_x, c_y)]
 
     def _invert(self, params: Sequence[float], pixel: Sequence[float]) -> FloatArray:
-        """Newton's method on the sphere of directions, from the nearest of a set of directions."""
+        """Inverts `project` by Newton's method on the unit sphere, from the nearest of a set of directions."""
         import numpy as np
 
         directions, images = self._table(tuple(float(p) for p in params))
@@ -180,7 +180,7 @@ class CameraModel:
         return ray if error < tolerance else np.full(3, np.nan)
 
     def _table(self, params: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-        """Directions all around, and their images by the camera asked for last."""
+        """Directions over the whole sphere and their image points; cached for the latest `params`."""
         import numpy as np
 
         known: tuple[tuple[float, ...], FloatArray, FloatArray] | None
@@ -204,12 +204,12 @@ M = TypeVar("M", bound=type[CameraModel])
 
 
 def register(model: M) -> None:
-    """Adds a camera model of this process, for good.
+    """Adds a camera model to this process; it cannot be removed.
 
     Args:
         model: a subclass of `CameraModel`.
 
-    Raises `InputError` for one that lacks a part or whose name is taken.
+    Raises `InputError` if a member is missing or the name is in use.
     """
     where = model.__name__
     for attribute in ("name", "params", "example"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The program as a child, and what runs in this process report."""
+"""Runs the program as a child process; messages and progress of runs in this process."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Progress = Callable[[str], object]
 
 
 def message(line: str, warning: bool) -> None:
-    """Gives a line of a run to the logger "plenocal"."""
+    """Passes a line of a run to the logger "plenocal"."""
     import logging
 
     logging.getLogger("plenocal").log(logging.WARNING if warning else logging.INFO, "%s", line.strip())
 
 
 def caller(threads: int, progress: Progress | None) -> _core.Caller:
-    """What a run of the engine has of its caller. Raises `InputError` for a number that is none of threads."""
+    """Settings of a run of the engine by its caller. Raises `InputError` for an invalid number of threads."""
     most = 1024
     if not 0 <= threads <= most:
         raise InputError(f"threads: expected a number from 0 to {most}, found {threads}")
@@ -32,11 +32,11 @@ def caller(threads: int, progress: Progress | None) -> _core.Caller:
 
 
 def run(arguments: Sequence[PathLike], *, progress: Progress | None = None) -> str:
-    """Runs the program as a child and returns what it prints. Camera models of `register` are not known there.
+    """Runs the program as a child process and returns its output. Models of `register` are not available there.
 
     Args:
         arguments: words of the command line, without the program's name.
-        progress: gets each line of the messages that the program writes.
+        progress: called with each line of the program's messages.
 
     Raises `InputError`, `JobError`, `GradeError` (exit statuses 2, 1, 3) with the message of the program, and
     `KeyboardInterrupt` after Ctrl-C; no result files are written then.

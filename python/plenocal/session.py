@@ -20,7 +20,7 @@ class Session:
     """A session.yaml (docs/formats.md)."""
 
     _native: _core.Session
-    _images: Any = None  # lent to `_native`
+    _images: Any = None  # kept alive for `_native`, which does not copy the pixels
 
     def __init__(self, path: PathLike) -> None:
         """Reads and checks the session file at this path. Raises `InputError` with file, line and key."""
@@ -38,11 +38,11 @@ class Session:
         """A session of measured points.
 
         Args:
-            folder: where session.yaml, target.yaml and the tables are written; None: it stays in memory.
-            target: a `Target`, a target in one word, or the file of one.
-            cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame: table}}`, the first
-                being the rig's master; a table has the columns marker, x, y (px) and may have sigma (px), as `detect`
-                returns them. Frames of one name belong together.
+            folder: folder for session.yaml, target.yaml and the tables; None: the session stays in memory.
+            target: a `Target`, a target in one word, or a target's file.
+            cameras: for each name `{"model": ..., "image_size": (width, height), "points": {frame: table}}`; the first
+                is the rig's master. A table has the columns marker, x, y (px) and may have sigma (px), as that of
+                `detect`. Frames of one name were taken at once.
             options: the session's `options` (docs/formats.md); they need a folder.
 
         Raises `InputError`.
@@ -101,11 +101,11 @@ class Session:
         """A session of images in memory.
 
         Args:
-            target: a `Target`, a target in one word, or the file of one.
-            images: arrays: of one camera a sequence, of several `{name: {frame: array}}`, the first being the rig's
+            target: a `Target`, a target in one word, or a target's file.
+            images: arrays: a sequence for one camera, `{name: {frame: array}}` for several; the first is the rig's
                 master. An array has the shape (H, W), or (H, W, 3) in the order blue, green, red, and 8 or 16 bits.
                 It must not change while the session is used.
-            model: camera model of all cameras (`models()`); empty: `calibrate` chooses it by held-out frames.
+            model: camera model of all cameras (`models()`); empty: `calibrate` chooses it by cross-validation.
 
         Raises `InputError`.
         """
@@ -121,17 +121,17 @@ class Session:
 
     @property
     def path(self) -> str:
-        """The file."""
+        """Path of the session file; empty for a session in memory."""
         return self._native.path
 
     @property
     def text(self) -> str:
-        """Its text."""
+        """Content of the session file; empty for a session in memory."""
         return self._native.text
 
     @property
     def cameras(self) -> list[dict[str, Any]]:
-        """Of each camera name, model, images, white_images (globs, folders, files), detections."""
+        """For each camera: name, model, images, white_images (globs, folders, files), detections."""
         return self._native.cameras()
 
     @property

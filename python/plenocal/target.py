@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets and their markers in images."""
+"""Targets, and detection of their markers in images."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Target:
 
     @property
     def markers(self) -> Table:
-        """A row a marker: marker, position (3,), m."""
+        """One row per marker: marker, position (3,), m."""
         return table(self._native.positions())
 
     @property
@@ -66,11 +66,11 @@ def detect(image: Any, target: Target | PathLike) -> Table:
 
     Args:
         image: a file, or a gray image (H, W) of 8 or 16 bits.
-        target: a `Target`, a target in one word, or the file of one.
+        target: a `Target`, a target in one word, or a target's file.
 
-    Returns a row a marker: marker, x, y (px, (0, 0) is the centre of the top-left pixel), sigma (of
+    Returns one row per marker: marker, x, y (px, (0, 0) is the centre of the top-left pixel), sigma (of
     each coordinate, px). Raises `JobError` with the reason if the image does not show the target.
-    (`calibrate` measures tags once more, with the local distortion that all images show together.)
+    (`calibrate` also corrects tags for the local distortion, which it estimates from all images.)
     """
     where = "image"
     if not isinstance(target, Target):
