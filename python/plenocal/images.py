@@ -116,7 +116,7 @@ def focus(
         grid: in place of white images: micro_lenses_<camera>.csv or RayCalibData XML.
         vignetting: in place of white images: the attenuation, a TIFF file.
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
-        markers: file of a target in the images, whose markers get a smooth depth; empty: none.
+        markers: file of a target in the images: a plane is fitted to the depth of each of its markers; empty: none.
         scale: raw pixels per pixel of the results, 0.5 to 16.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
