@@ -109,11 +109,11 @@ OTHERS = [
     ("merge.csv", ["in_sigmas"], "`deviation` / `sigma`"),
 ]
 REASONS = {
-    ("images of circles", "detections"): "contains .003 px for what models of edges leave out, as much as half of the noise here",
+    ("images of circles", "detections"): "contains .003 px for errors of the edge model, half of the noise here",
     ("images of circles", "detector"): "as of the detections",
     ("images of circles", "parameters"): "fits of ellipses have common errors of about .0005 px",
     ("pair, jackknife", "jackknife of extrinsics"): "a scatter of 20 frames has Student's t distribution",
-    ("straight", "segments"): "tracks share no errors here, and the factor for what neighbours share is at least 1",
+    ("straight", "segments"): "tracks have no errors in common here, and the factor for common errors of neighbours is at least 1",
     ("vignette", "exposures"): "errors of .02 % that an image's points share (pose, spline, response) are not in the scatter of parts of the wall",
 }
 
@@ -396,7 +396,7 @@ def time_shift_case(program, folder, seed, rate, frames=80):
 
 
 for rate, runs in ((20, 400), (8, 400)):
-    case(f"clocks, {rate} Hz", f"a pair moved by a hand, {rate} Hz, clocks 4 ms apart", ["time shift", "extrinsics"], runs, 8)(
+    case(f"clocks, {rate} Hz", f"a hand-held pair, {rate} Hz, clocks 4 ms apart", ["time shift", "extrinsics"], runs, 8)(
         lambda program, folder, seed, rate=rate: time_shift_case(program, folder, seed, rate))
 
 
