@@ -48,7 +48,7 @@ std::vector<Sample> Samples(const CalibratedCamera& a, const std::vector<double>
             sample.values[measured + i] = place[i % 2] + kOffsets[lens][i % 2];
           }
           const auto ray =
-              a.model->unproject(a.params.data(), a.config.data(), sample.values.data());
+              a.model->Unproject(a.params.data(), a.config.data(), sample.values.data());
           if (!ray) continue;
           const double distance = std::isfinite(distances[d]) ? distances[d] : kFarAway;
           sample.p_a = ray->origin + distance * ray->direction;

@@ -16,7 +16,7 @@ std::optional<Eigen::Vector2d> Image(const CameraModel& model,
                                      const Eigen::Vector3d& direction) {
   double u[2];
   const double values[kMaxObservationSize] = {};
-  if (!model.project(params.data(), nullptr, values, direction, u)) return std::nullopt;
+  if (!model.Project(params.data(), nullptr, values, direction, u)) return std::nullopt;
   return Eigen::Vector2d(u[0], u[1]);
 }
 
@@ -33,7 +33,7 @@ Rays RaysOf(const CalibratedCamera& camera) {
       const double values[kMaxObservationSize] = {
           (camera.image_size[0] - 1.0) * column / (kConvertedColumns - 1),
           (camera.image_size[1] - 1.0) * row / (kConvertedRows - 1)};
-      const auto ray = camera.model->unproject(camera.params.data(), nullptr, values);
+      const auto ray = camera.model->Unproject(camera.params.data(), nullptr, values);
       if (!ray) continue;
       rays.directions.push_back(ray->direction);
       rays.image.emplace_back(values[0], values[1]);
@@ -57,7 +57,7 @@ std::vector<StartCandidate> Candidates(const CameraModel& model,
   }
   const std::vector<std::optional<double>> given(model.params.size());
   const std::vector<bool> fixed(model.params.size(), false);
-  return model.start({.views = std::span(&view, 1),
+  return model.Start({.views = std::span(&view, 1),
                       .markers = &markers,
                       .image_size = image_size,
                       .config = {},

@@ -101,7 +101,7 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
     auto& motion = by_motion.emplace_back(grid.Cells());
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
       if (!cell_values[cell]) continue;
-      const std::optional<Ray> ray = camera.model->unproject(
+      const std::optional<Ray> ray = camera.model->Unproject(
           camera.params.data(), camera.config.data(), cell_values[cell]->data());
       if (!ray) continue;
       const Eigen::Vector3d p = ray->origin + distance * ray->direction;

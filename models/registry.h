@@ -5,6 +5,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 
@@ -12,7 +13,7 @@
 
 namespace plenocal {
 
-/// All camera models of models/, sorted by file name, then those of `AddCameraModels`. The build
+/// All camera models of models/, sorted by file name, then those that were added. The build
 /// makes this table from the headers.
 std::span<const CameraModel> CameraModels();
 
@@ -21,8 +22,11 @@ std::span<const CameraModel> CameraModels();
 /// is no plug-in, belongs to another version, or has a model whose name is taken.
 void AddCameraModels(const std::filesystem::path& plugin);
 
-/// Adds models of the running program, whose data must stay. `where` begins the messages. Throws
+/// Adds a model that was made at run time, with the owner of all that it refers to (names,
+/// parameters, `self`); both stay as long as the process. `where` begins the messages. Throws
 /// likewise.
-void AddCameraModels(std::span<const CameraModel> models, const std::string& where);
+const CameraModel& AddCameraModel(const CameraModel& model,
+                                  std::shared_ptr<const void> owner,
+                                  const std::string& where);
 
 }  // namespace plenocal

@@ -239,12 +239,11 @@ void WallModel::RefinePose(size_t v) {
       const Eigen::Vector3d p = view.T_camera_wall * point;
       std::array<double, kMaxObservationSize> u{};
       std::array<double, 6> J_point{};
-      if (!camera.model->project_with_jacobian(
-              camera.params.data(),
-              camera.config.data(),
-              u.data(),
-              p,
-              {.predicted = u.data(), .J_point = J_point.data()})) {
+      if (!camera.model->ProjectWithJacobian(camera.params.data(),
+                                             camera.config.data(),
+                                             u.data(),
+                                             p,
+                                             {.predicted = u.data(), .J_point = J_point.data()})) {
         continue;
       }
       const Eigen::RowVector2d gradient =

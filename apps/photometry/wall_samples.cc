@@ -31,7 +31,7 @@ WallProjector::WallProjector(const WallRecording& wall)
   constexpr double kStep = 1e-3;
   std::array<double, kMaxObservationSize> middle{}, right{}, below{};
   const auto project = [&](const Eigen::Vector3d& p, double* out) {
-    camera_.model->project(camera_.params.data(), camera_.config.data(), out, p, out);
+    camera_.model->Project(camera_.params.data(), camera_.config.data(), out, p, out);
   };
   project({0, 0, 1}, middle.data());
   project({kStep, 0, 1}, right.data());
@@ -48,7 +48,7 @@ bool WallProjector::operator()(const WallView& view,
   const double cosine = -normal.dot(p) / p.norm();
   if (!(p.z() > 0) || std::abs(cosine) < kLeastCosine) return false;
   std::array<double, kMaxObservationSize> u{};
-  if (!camera_.model->project(
+  if (!camera_.model->Project(
           camera_.params.data(), camera_.config.data(), u.data(), p, u.data())) {
     return false;
   }
@@ -84,7 +84,7 @@ WallGrid ChooseGrid(const WallRecording& wall, const std::string& where) {
             static_cast<double>(i) / kSteps * (camera.image_size[0] - 1),
             static_cast<double>(j) / kSteps * (camera.image_size[1] - 1)};
         const auto ray =
-            camera.model->unproject(camera.params.data(), camera.config.data(), u.data());
+            camera.model->Unproject(camera.params.data(), camera.config.data(), u.data());
         if (!ray) continue;
         const Eigen::Vector3d d = T_wall_camera.R * ray->direction;
         const double along = -T_wall_camera.t.z() / d.z();

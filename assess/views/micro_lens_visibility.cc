@@ -21,7 +21,7 @@ std::optional<Eigen::Vector2d> Through(const BundleCamera& camera,
   const std::array<double, kMaxObservationSize> values{
       centre.x(), centre.y(), centre.x(), centre.y()};
   Eigen::Vector2d u_px;
-  if (!camera.model->project(
+  if (!camera.model->Project(
           camera.params.data(), camera.config.data(), values.data(), p_cam, u_px.data())) {
     return std::nullopt;
   }

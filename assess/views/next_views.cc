@@ -247,7 +247,7 @@ class Choice {
           if (lenses.HasLenses()) {
             const MicroLensVisibility::Seen seen = lenses.LensesShowing(camera, p, 1);
             if (seen.all > 0) drawn.push_back(seen.image);
-          } else if (camera.model->project(camera.params.data(),
+          } else if (camera.model->Project(camera.params.data(),
                                            camera.config.data(),
                                            values.data(),
                                            p,

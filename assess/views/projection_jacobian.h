@@ -26,7 +26,7 @@ template <typename Camera>
   out->predicted.resize(rows);
   out->by_params.resize(rows, static_cast<Eigen::Index>(camera.model->params.size()));
   out->by_point.resize(rows, 3);
-  return camera.model->project_with_jacobian(
+  return camera.model->ProjectWithJacobian(
              camera.params.data(),
              camera.config.data(),
              values,

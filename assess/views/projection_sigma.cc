@@ -63,7 +63,7 @@ class Grid {
            double distance) {
     const BundleCamera& camera = rig_.bundle.cameras[c];
     const auto ray =
-        camera.model->unproject(camera.params.data(), camera.config.data(), values.data());
+        camera.model->Unproject(camera.params.data(), camera.config.data(), values.data());
     if (!ray) return;
     const Eigen::Vector3d p_cam = ray->origin + distance * ray->direction;
     ProjectionJacobian J;

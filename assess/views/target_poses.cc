@@ -30,7 +30,7 @@ std::optional<Ray> RayAt(const RigEstimate& rig, size_t c, const Eigen::Vector2d
         });
     values = {lens.centre.x(), lens.centre.y(), lens.centre.x(), lens.centre.y()};
   }
-  return camera.model->unproject(camera.params.data(), camera.config.data(), values.data());
+  return camera.model->Unproject(camera.params.data(), camera.config.data(), values.data());
 }
 
 double LargestExtent(const ViewTarget& shape) {

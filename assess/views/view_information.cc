@@ -95,7 +95,7 @@ std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
   }
   const std::array<double, kMaxObservationSize> values{};
   const auto project = [&](const Eigen::Vector3d& point, Eigen::Vector2d* u_px) {
-    return camera.model->project(
+    return camera.model->Project(
         camera.params.data(), camera.config.data(), values.data(), point, u_px->data());
   };
   Eigen::Vector2d u;
@@ -104,7 +104,7 @@ std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
   if (!(u.minCoeff() >= kBorder) || !(u.x() <= end.x()) || !(u.y() <= end.y())) return std::nullopt;
   // Models may fold places far outside the image back into it.
   const std::array<double, kMaxObservationSize> at{u.x(), u.y()};
-  const auto ray = camera.model->unproject(camera.params.data(), camera.config.data(), at.data());
+  const auto ray = camera.model->Unproject(camera.params.data(), camera.config.data(), at.data());
   constexpr double kSameRay = 0.999;
   if (!ray || !(ray->direction.dot(p.normalized()) > kSameRay)) return std::nullopt;
   if (shape_.finest <= 0) return u;

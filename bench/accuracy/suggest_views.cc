@@ -264,7 +264,7 @@ Imaged ImagesOf(const World& world,
   Imaged imaged;
   const auto project = [&](const Eigen::Vector3d& point, Observation* seen) {
     Eigen::Vector2d u;
-    if (!camera.model->project(
+    if (!camera.model->Project(
             camera.params.data(), camera.config.data(), seen->values.data(), point, u.data())) {
       return false;
     }
@@ -289,7 +289,7 @@ Imaged ImagesOf(const World& world,
     return imaged;
   }
   const auto ray =
-      camera.model->unproject(camera.params.data(), camera.config.data(), seen.values.data());
+      camera.model->Unproject(camera.params.data(), camera.config.data(), seen.values.data());
   if (!ray || ray->direction.dot(p.normalized()) < 0.999) return imaged;
   imaged.bit = std::hypot(moved.values[0] - seen.values[0], moved.values[1] - seen.values[1]);
   imaged.points.push_back(seen);

@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
     const std::unique_ptr<double[]> pixels(new double[2 * points.size()]);
     std::array<double, plenocal::kMaxObservationSize> values{};
     for (size_t k = 0; k < points.size(); ++k) {
-      model->project(model->example.data(),
+      model->Project(model->example.data(),
                      model->example_config.data(),
                      values.data(),
                      points[k],

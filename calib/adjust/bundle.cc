@@ -49,7 +49,7 @@ bool Residual(const Bundle& bundle, const BundleObservation& observation, double
                                             static_cast<size_t>(observation.camera));
   const Observation seen = WithoutDisplacement(observation, camera, camera.params.data());
   double predicted[kMaxObservationSize];
-  if (!camera.model->project(
+  if (!camera.model->Project(
           camera.params.data(),
           camera.config.data(),
           seen.values.data(),

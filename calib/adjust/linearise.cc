@@ -73,13 +73,13 @@ bool Linearise(const BundleCamera& camera,
   double J_point[kMaxObservationSize * 3];
   const bool derive = out.HasDerivatives();
   const bool inside =
-      derive ? model.project_with_jacobian(
+      derive ? model.ProjectWithJacobian(
                    params,
                    camera.config.data(),
                    seen.values.data(),
                    p_cam,
                    {.predicted = predicted, .J_params = out.J_params, .J_point = J_point})
-             : model.project(params, camera.config.data(), seen.values.data(), p_cam, predicted);
+             : model.Project(params, camera.config.data(), seen.values.data(), p_cam, predicted);
   if (!inside) return false;
   const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
   for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);

@@ -122,10 +122,44 @@ struct ProjectionOutput {
   double* J_point = nullptr;    ///< measured x 3, by p_cam
 };
 
+struct CameraModel;
+
+/// The functions of a `CameraModel`, which they get as first argument; its member functions call
+/// them and describe them. The last three may be null.
+struct ModelFunctions {
+  bool (*project)(const CameraModel& model,
+                  const double* params,
+                  const double* config,
+                  const double* values,
+                  const Eigen::Vector3d& p_cam,
+                  double* predicted) = nullptr;
+  bool (*project_with_jacobian)(const CameraModel& model,
+                                const double* params,
+                                const double* config,
+                                const double* values,
+                                const Eigen::Vector3d& p_cam,
+                                const ProjectionOutput& out) = nullptr;
+  std::optional<Ray> (*unproject)(const CameraModel& model,
+                                  const double* params,
+                                  const double* config,
+                                  const double* values) = nullptr;
+  std::vector<StartCandidate> (*start)(const CameraModel& model,
+                                       const StartProblem& problem) = nullptr;
+  std::string (*refusal)(const CameraModel& model, const StartProblem& problem) = nullptr;
+  Misfit (*misfit)(const CameraModel& model,
+                   const StartProblem& problem,
+                   std::span<const double> params,
+                   double median_error) = nullptr;
+  std::string (*remedy)(const CameraModel& model,
+                        std::span<const size_t> weak,
+                        const DepthRange& seen) = nullptr;
+};
+
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
-/// the parameters mean. Pointers refer to static storage. `values` is an observation's:
-/// `measured.size()` measured coordinates, then `context.size()` numbers on which its projection
-/// depends besides (a micro lens' centre), then those of `optional_context`; others are zero.
+/// the parameters mean. A value; what it refers to is static, or has an owner in models/registry.h.
+/// `values` is an observation's: `measured.size()` measured coordinates, then `context.size()`
+/// numbers on which its projection depends besides (a micro lens' centre), then those of
+/// `optional_context`; others are zero.
 struct CameraModel {
   std::string_view name;
   std::string_view source;        ///< publication and equations
@@ -139,35 +173,9 @@ struct CameraModel {
   bool central;                            ///< all rays meet in the camera frame's origin
   bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
   bool local;      ///< the image of a point depends on few of the parameters
+  ModelFunctions functions;
+  const void* self = nullptr;  ///< data of the model's own, for `functions`
 
-  /// Predicted measured coordinates of p_cam; false outside the model's domain.
-  bool (*project)(const double* params,
-                  const double* config,
-                  const double* values,
-                  const Eigen::Vector3d& p_cam,
-                  double* predicted);
-  /// `project` with derivatives; all pointers of `out` but `J_params` are needed.
-  bool (*project_with_jacobian)(const double* params,
-                                const double* config,
-                                const double* values,
-                                const Eigen::Vector3d& p_cam,
-                                const ProjectionOutput& out);
-  /// The ray on which a measured point lies; nothing outside the domain.
-  std::optional<Ray> (*unproject)(const double* params, const double* config, const double* values);
-  /// Initial guesses without help from the user; empty when the views do not suffice.
-  std::vector<StartCandidate> (*start)(const StartProblem& problem);
-  /// The reason, with the remedy, for which the model cannot be calibrated with these initial
-  /// values and fixed parameters; empty when it can. Null when the model never refuses.
-  std::string (*refusal)(const StartProblem& problem) = nullptr;
-  /// A test whether the model describes the camera; `params` are the best initial guess found, with
-  /// residuals of median length `median_error`, px. Null for a model without such a test.
-  Misfit (*misfit)(const CameraModel& model,
-                   const StartProblem& problem,
-                   std::span<const double> params,
-                   double median_error) = nullptr;
-  /// Advice where observations like these determine some parameters badly (indices into `params`):
-  /// why, and which images to add, in one sentence or more; may be empty. Null without advice.
-  std::string (*remedy)(std::span<const size_t> weak, const DepthRange& seen) = nullptr;
   /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
   /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.
   /// Null for models that see a marker once in a view.
@@ -181,6 +189,51 @@ struct CameraModel {
   /// Numbers of an observation that may follow `context`: zeros where it has none, and files may
   /// lack their columns.
   std::span<const std::string_view> optional_context = {};
+
+  /// Predicted measured coordinates of p_cam; false outside the model's domain.
+  bool Project(const double* of_params,
+               const double* of_config,
+               const double* values,
+               const Eigen::Vector3d& p_cam,
+               double* predicted) const {
+    return functions.project(*this, of_params, of_config, values, p_cam, predicted);
+  }
+  /// `Project` with derivatives; all pointers of `out` but `J_params` are needed.
+  bool ProjectWithJacobian(const double* of_params,
+                           const double* of_config,
+                           const double* values,
+                           const Eigen::Vector3d& p_cam,
+                           const ProjectionOutput& out) const {
+    return functions.project_with_jacobian(*this, of_params, of_config, values, p_cam, out);
+  }
+  /// The ray on which a measured point lies; nothing outside the domain.
+  [[nodiscard]] std::optional<Ray> Unproject(const double* of_params,
+                                             const double* of_config,
+                                             const double* values) const {
+    return functions.unproject(*this, of_params, of_config, values);
+  }
+  /// Initial guesses without help from the user; empty when the views do not suffice.
+  [[nodiscard]] std::vector<StartCandidate> Start(const StartProblem& problem) const {
+    return functions.start(*this, problem);
+  }
+  /// The reason, with the remedy, for which the model cannot be calibrated with these initial
+  /// values and fixed parameters; empty when it can.
+  [[nodiscard]] std::string Refusal(const StartProblem& problem) const {
+    return functions.refusal == nullptr ? "" : functions.refusal(*this, problem);
+  }
+  /// A test whether the model describes the camera; `best` are the best initial guess found, with
+  /// residuals of median length `median_error`, px.
+  [[nodiscard]] Misfit JudgeFit(const StartProblem& problem,
+                                std::span<const double> best,
+                                double median_error) const {
+    return functions.misfit == nullptr ? Misfit()
+                                       : functions.misfit(*this, problem, best, median_error);
+  }
+  /// Advice where observations like these determine some parameters badly (indices into `params`):
+  /// why, and which images to add, in one sentence or more; may be empty.
+  [[nodiscard]] std::string Remedy(std::span<const size_t> weak, const DepthRange& seen) const {
+    return functions.remedy == nullptr ? "" : functions.remedy(*this, weak, seen);
+  }
 };
 
 /// Members that a struct in models/ must have. `Project` is the model's statement of its
@@ -198,7 +251,7 @@ struct CameraModel {
 ///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
 /// with their indices; `Project` reads no others for that point.
 /// One whose derivatives are cheaper written out than by dual numbers may have
-///   static bool ProjectWithJacobian(...);  // CameraModel::project_with_jacobian
+///   static bool ProjectWithJacobian(...);  // CameraModel::ProjectWithJacobian, less the model
 /// and `Project` for numbers only.
 /// A model that not all data and fixed parameters can determine may have
 ///   static std::string Refusal(const StartProblem& problem);
@@ -230,6 +283,7 @@ concept CameraModelPlugin = requires(const StartProblem& problem) {
 
 namespace internal {
 
+// The functions of a header have no argument for the model, whose `self` they do not need.
 template <CameraModelPlugin M, typename T>
 bool Project(const T* params,
              const double* config,
@@ -336,7 +390,10 @@ template <CameraModelPlugin M>
 }
 
 template <CameraModelPlugin M>
-std::optional<Ray> Unproject(const double* params, const double* config, const double* values) {
+std::optional<Ray> Unproject(const CameraModel& /*model*/,
+                             const double* params,
+                             const double* config,
+                             const double* values) {
   if constexpr (requires { M::Unproject(params, Eigen::Vector2d()); }) {
     const std::optional<Eigen::Vector3d> direction =
         M::Unproject(params, Eigen::Vector2d(values[0], values[1]));
@@ -348,25 +405,46 @@ std::optional<Ray> Unproject(const double* params, const double* config, const d
 }
 
 template <CameraModelPlugin M>
-constexpr auto JacobianOf() {
+bool ProjectPoint(const CameraModel& /*model*/,
+                  const double* params,
+                  const double* config,
+                  const double* values,
+                  const Eigen::Vector3d& p_cam,
+                  double* predicted) {
+  return Project<M>(params, config, values, p_cam, predicted);
+}
+
+template <CameraModelPlugin M>
+bool DifferentiatePoint(const CameraModel& /*model*/,
+                        const double* params,
+                        const double* config,
+                        const double* values,
+                        const Eigen::Vector3d& p_cam,
+                        const ProjectionOutput& out) {
   if constexpr (HasSupport<M>) {
-    return &ProjectWithLocalJacobian<M>;
+    return ProjectWithLocalJacobian<M>(params, config, values, p_cam, out);
   } else if constexpr (requires { &M::ProjectWithJacobian; }) {
-    return &M::ProjectWithJacobian;
+    return M::ProjectWithJacobian(params, config, values, p_cam, out);
   } else {
-    return &ProjectWithJacobian<M>;
+    return ProjectWithJacobian<M>(params, config, values, p_cam, out);
   }
 }
 
 template <CameraModelPlugin M>
 constexpr void AddOptional(CameraModel* model) {
   if constexpr (requires(const StartProblem& problem) { M::Refusal(problem); }) {
-    model->refusal = &M::Refusal;
+    model->functions.refusal = [](const CameraModel&, const StartProblem& problem) {
+      return M::Refusal(problem);
+    };
   }
   if constexpr (requires { M::kUsage; }) model->usage = M::kUsage;
   if constexpr (requires { M::kOptionalContext; }) model->optional_context = M::kOptionalContext;
-  if constexpr (requires { &M::Remedy; }) model->remedy = &M::Remedy;
-  if constexpr (requires { &M::JudgeFit; }) model->misfit = &M::JudgeFit;
+  if constexpr (requires { &M::Remedy; }) {
+    model->functions.remedy = [](const CameraModel&,
+                                 std::span<const size_t> weak,
+                                 const DepthRange& seen) { return M::Remedy(weak, seen); };
+  }
+  if constexpr (requires { &M::JudgeFit; }) model->functions.misfit = &M::JudgeFit;
   if constexpr (requires { &M::ReplicateFit; }) {
     model->replicate_fit = &M::ReplicateFit;
     model->assign_lens_types = &M::AssignLensTypes;
@@ -378,22 +456,25 @@ constexpr void AddOptional(CameraModel* model) {
 /// The table of model M.
 template <CameraModelPlugin M>
 constexpr CameraModel MakeCameraModel() {
-  CameraModel model{M::kName,
-                    M::kSource,
-                    M::kParams,
-                    M::kConfig,
-                    M::kMeasured,
-                    M::kContext,
-                    M::kExample,
-                    M::kExampleConfig,
-                    M::kExampleSize,
-                    M::kCentral,
-                    M::kPlenoptic,
-                    internal::HasSupport<M>,
-                    &internal::Project<M, double>,
-                    internal::JacobianOf<M>(),
-                    &internal::Unproject<M>,
-                    &M::Start};
+  CameraModel model{.name = M::kName,
+                    .source = M::kSource,
+                    .params = M::kParams,
+                    .config = M::kConfig,
+                    .measured = M::kMeasured,
+                    .context = M::kContext,
+                    .example = M::kExample,
+                    .example_config = M::kExampleConfig,
+                    .example_size = M::kExampleSize,
+                    .central = M::kCentral,
+                    .plenoptic = M::kPlenoptic,
+                    .local = internal::HasSupport<M>,
+                    .functions = {
+                        .project = &internal::ProjectPoint<M>,
+                        .project_with_jacobian = &internal::DifferentiatePoint<M>,
+                        .unproject = &internal::Unproject<M>,
+                        .start = [](const CameraModel&,
+                                    const StartProblem& problem) { return M::Start(problem); },
+                    }};
   internal::AddOptional<M>(&model);
   return model;
 }

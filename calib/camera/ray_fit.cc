@@ -36,7 +36,7 @@ class DirectionCost : public ceres::CostFunction {
     for (size_t i = 0; i < image_.size(); ++i) {
       const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
       double predicted[2];
-      if (!model_.project_with_jacobian(
+      if (!model_.ProjectWithJacobian(
               parameters[0],
               config_.data(),
               values,
@@ -75,7 +75,7 @@ bool FitToRays(const CameraModel& model,
   for (size_t i = 0; i < image.size(); ++i) {
     double predicted[2];
     const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
-    if (model.project(params->data(), config.data(), values, directions[i], predicted)) {
+    if (model.Project(params->data(), config.data(), values, directions[i], predicted)) {
       imaged_directions.push_back(directions[i]);
       imaged.push_back(image[i]);
     }

@@ -11,20 +11,20 @@
 
 namespace plenocal {
 
-/// As `CameraModel::project` with the camera's parameters.
+/// As `CameraModel::Project` with the camera's parameters.
 template <typename Camera>
 bool Project(const Camera& camera,
              const double* values,
              const Eigen::Vector3d& p_cam,
              double* predicted) {
-  return camera.model->project(
+  return camera.model->Project(
       camera.params.data(), camera.config.data(), values, p_cam, predicted);
 }
 
-/// As `CameraModel::unproject` with the camera's parameters.
+/// As `CameraModel::Unproject` with the camera's parameters.
 template <typename Camera>
 std::optional<Ray> Unproject(const Camera& camera, const double* values) {
-  return camera.model->unproject(camera.params.data(), camera.config.data(), values);
+  return camera.model->Unproject(camera.params.data(), camera.config.data(), values);
 }
 
 }  // namespace plenocal

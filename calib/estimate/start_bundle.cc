@@ -101,7 +101,7 @@ double MedianError(const BundleCamera& camera,
     if (marker == markers.end()) continue;
     double predicted[kMaxObservationSize];
     double sum = 0;
-    if (camera.model->project(camera.params.data(),
+    if (camera.model->Project(camera.params.data(),
                               camera.config.data(),
                               observation.values.data(),
                               T_camera_target * marker->second,

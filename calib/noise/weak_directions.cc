@@ -172,8 +172,7 @@ class WeakUnknownsFinder {
       extrinsics = extrinsics || std::any_of(names.begin(), names.end(), [&](const auto& name) {
                      return name.starts_with(Prefix(c) + "T_camera_rig");
                    });
-      if (weak.empty() || model.remedy == nullptr) continue;
-      add(model.remedy(weak, DepthRangeOf(bundle_, c)));
+      if (!weak.empty()) add(model.Remedy(weak, DepthRangeOf(bundle_, c)));
     }
     if (several) {
       add("Cameras and targets that share no view are placed by motion: add frames between which "

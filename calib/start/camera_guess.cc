@@ -89,7 +89,7 @@ std::optional<Resection> ResectView(const CameraModel& model,
   std::vector<Eigen::Vector3d> points;
   for (const Observation& observation : view.observations) {
     const std::optional<Ray> ray =
-        model.unproject(params.data(), config.data(), observation.values.data());
+        model.Unproject(params.data(), config.data(), observation.values.data());
     if (!ray) continue;
     rays.push_back(*ray);
     points.push_back(markers.at(observation.marker));
@@ -316,12 +316,11 @@ std::optional<Trial> PlainTrial(const CameraInput& camera,
                            .given = given,
                            .fixed = problem.fixed};
   return BestTrial(
-      camera, markers, {problem.views.begin(), problem.views.end()}, camera.model->start(plain));
+      camera, markers, {problem.views.begin(), problem.views.end()}, camera.model->Start(plain));
 }
 
 void CheckNotRefused(const CameraInput& camera, const StartProblem& problem) {
-  if (camera.model->refusal == nullptr) return;
-  const std::string reason = camera.model->refusal(problem);
+  const std::string reason = camera.model->Refusal(problem);
   if (reason.empty()) return;
   throw InputError("{}: {}: {}", camera.name, camera.model->name, reason);
 }
@@ -376,7 +375,7 @@ CameraGuess GuessCamera(const CameraInput& camera,
                              .given = given,
                              .fixed = &camera.fixed};
   CheckNotRefused(camera, problem);
-  const std::vector<StartCandidate> candidates = camera.model->start(problem);
+  const std::vector<StartCandidate> candidates = camera.model->Start(problem);
   std::optional<Trial> best = BestTrial(camera, markers, views, candidates);
   const bool suspicious =
       !best ||
@@ -394,9 +393,9 @@ CameraGuess GuessCamera(const CameraInput& camera,
   }
 
   CameraGuess guess;
-  if (suspicious && camera.model->misfit != nullptr) {
+  if (suspicious) {
     const Misfit misfit =
-        camera.model->misfit(*camera.model, problem, best->bundle.cameras[0].params, best->median);
+        camera.model->JudgeFit(problem, best->bundle.cameras[0].params, best->median);
     if (!misfit.reason.empty()) {
       guess.misfit = fmt::format("{}: {} {}", camera.name, camera.model->name, misfit.reason);
     }

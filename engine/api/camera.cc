@@ -53,7 +53,7 @@ std::optional<std::array<double, 2>> Camera::Project(const std::array<double, 3>
   const CalibratedCamera& camera = data_->camera;
   std::array<double, kMaxObservationSize> values{};
   std::array<double, 2> pixel{};
-  if (!camera.model->project(camera.params.data(),
+  if (!camera.model->Project(camera.params.data(),
                              camera.config.data(),
                              values.data(),
                              {p_camera[0], p_camera[1], p_camera[2]},
@@ -71,11 +71,11 @@ std::optional<std::array<double, 4>> Camera::Covariance(
   using RowMajor = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
   RowMajor J_params(2, static_cast<Eigen::Index>(camera.params.size()));
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!camera.model->project_with_jacobian(camera.params.data(),
-                                           camera.config.data(),
-                                           values.data(),
-                                           {p_camera[0], p_camera[1], p_camera[2]},
-                                           {pixel.data(), J_params.data(), J_point.data()})) {
+  if (!camera.model->ProjectWithJacobian(camera.params.data(),
+                                         camera.config.data(),
+                                         values.data(),
+                                         {p_camera[0], p_camera[1], p_camera[2]},
+                                         {pixel.data(), J_params.data(), J_point.data()})) {
     return std::nullopt;
   }
   const Eigen::Matrix2d C = ImageCovariance(camera).Propagate(J_params);
@@ -87,7 +87,7 @@ std::optional<std::array<double, 3>> Camera::Unproject(const std::array<double, 
   std::array<double, kMaxObservationSize> values{};
   std::ranges::copy(pixel, values.begin());
   const std::optional<Ray> ray =
-      camera.model->unproject(camera.params.data(), camera.config.data(), values.data());
+      camera.model->Unproject(camera.params.data(), camera.config.data(), values.data());
   if (!ray) return std::nullopt;
   return std::array{ray->direction.x(), ray->direction.y(), ray->direction.z()};
 }

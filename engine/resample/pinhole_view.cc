@@ -164,7 +164,7 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
   };
   const double values[kMaxObservationSize] = {};
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!camera.model->project_with_jacobian(
+  if (!camera.model->ProjectWithJacobian(
           camera.params.data(),
           camera.config.data(),
           values,

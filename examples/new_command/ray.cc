@@ -30,7 +30,7 @@ void RunRay(const RayArguments& arguments, Console* /*console*/) {
                             camera.model->name));
   }
   const auto ray =
-      camera.model->unproject(camera.params.data(), camera.config.data(), arguments.pixel.data());
+      camera.model->Unproject(camera.params.data(), camera.config.data(), arguments.pixel.data());
   if (!ray) throw Error(ErrorKind::kJob, "the camera images nothing at this pixel");
   const Eigen::Vector3d d = ray->direction.normalized();
   fmt::print("{:.9g} {:.9g} {:.9g}\n", d.x(), d.y(), d.z());

@@ -23,7 +23,7 @@ Misfit CentralModel::JudgeFit(const CameraModel& model,
   constexpr double kFewPoints = 0.01;  // part of the points; so many may be mistakes
   if (!(median_error > kAgrees)) return {};
   CameraModel wide = MakeCameraModel<KannalaBrandt4>();
-  wide.misfit = nullptr;  // what does not describe the camera either explains nothing
+  wide.functions.misfit = nullptr;  // what does not describe the camera either explains nothing
   CameraGuess fisheye;
   try {
     fisheye = GuessCamera({.name = std::string(wide.name),
@@ -43,13 +43,13 @@ Misfit CentralModel::JudgeFit(const CameraModel& model,
   for (const View& view : problem.views) {
     for (const Observation& seen : view.observations) {
       const std::optional<Ray> ray =
-          wide.unproject(fisheye.params.data(), nullptr, seen.values.data());
+          wide.Unproject(fisheye.params.data(), nullptr, seen.values.data());
       if (!ray) continue;
       ++all;
       farthest = std::max(farthest, std::acos(std::clamp(ray->direction.z(), -1.0, 1.0)));
       double u[2];
       if (ray->direction.z() <= 0 &&
-          !model.project(
+          !model.Project(
               params.data(), problem.config.data(), seen.values.data(), ray->direction, u)) {
         ++beyond;
       }

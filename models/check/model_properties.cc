@@ -62,12 +62,12 @@ class Examination {
 
   bool Project(const Eigen::Vector3d& p_cam, Values* values) const {
     double predicted[kMaxObservationSize];
-    if (!model_.project(Params(), Config(), values->data(), p_cam, predicted)) return false;
+    if (!model_.Project(Params(), Config(), values->data(), p_cam, predicted)) return false;
     std::copy_n(predicted, model_.measured.size(), values->begin());
     return true;
   }
   [[nodiscard]] std::optional<Ray> Unproject(const Values& values) const {
-    return model_.unproject(Params(), Config(), values.data());
+    return model_.Unproject(Params(), Config(), values.data());
   }
   // `Unproject` where the model must see something; nothing, and a violation, where it does not.
   std::optional<Ray> RayOf(const Values& values) {
@@ -146,7 +146,7 @@ class Examination {
       Eigen::VectorXd predicted =
           Eigen::VectorXd::Constant(rows, std::numeric_limits<double>::quiet_NaN());
       const Eigen::Vector3d p(x[count], x[count + 1], x[count + 2]);
-      Expect(model_.project(x.data(), Config(), values.data(), p, predicted.data()),
+      Expect(model_.Project(x.data(), Config(), values.data(), p, predicted.data()),
              "point {} is not imaged",
              Text(p));
       return predicted;
@@ -154,11 +154,11 @@ class Examination {
 
     std::vector<double> J_params(rows * count), J_point(rows * 3);
     Eigen::VectorXd predicted(rows);
-    if (!Expect(model_.project_with_jacobian(Params(),
-                                             Config(),
-                                             values.data(),
-                                             p_cam,
-                                             {predicted.data(), J_params.data(), J_point.data()}),
+    if (!Expect(model_.ProjectWithJacobian(Params(),
+                                           Config(),
+                                           values.data(),
+                                           p_cam,
+                                           {predicted.data(), J_params.data(), J_point.data()}),
                 "point {} is not imaged",
                 Text(p_cam))) {
       return;
@@ -171,11 +171,11 @@ class Examination {
            Text(p_cam));
     const Eigen::Map<const Eigen::VectorXd> all_J_point(J_point.data(), rows * 3);
     Eigen::VectorXd alone(rows), J_alone(rows * 3);
-    Expect(model_.project_with_jacobian(Params(),
-                                        Config(),
-                                        values.data(),
-                                        p_cam,
-                                        {.predicted = alone.data(), .J_point = J_alone.data()}) &&
+    Expect(model_.ProjectWithJacobian(Params(),
+                                      Config(),
+                                      values.data(),
+                                      p_cam,
+                                      {.predicted = alone.data(), .J_point = J_alone.data()}) &&
                (J_alone - all_J_point).norm() <= 1e-13 * all_J_point.norm(),
            "derivatives by the point at {} depend on whether those by parameters are needed",
            Text(p_cam));
@@ -366,11 +366,11 @@ void GivesNoNan(const CameraModel& model, Examination& check) {
                      Text(p_cam));
         const Values centre = check.Centre();
         Values predicted{};
-        check.Expect(!model.project_with_jacobian(check.Params(),
-                                                  check.Config(),
-                                                  centre.data(),
-                                                  p_cam,
-                                                  {predicted.data(), J_params.data(), J_point}) ||
+        check.Expect(!model.ProjectWithJacobian(check.Params(),
+                                                check.Config(),
+                                                centre.data(),
+                                                p_cam,
+                                                {predicted.data(), J_params.data(), J_point}) ||
                          check.AllFinite(predicted),
                      "with derivatives, the image of {} is not finite",
                      Text(p_cam));
@@ -436,11 +436,11 @@ void IsCentral(const CameraModel& model, Examination& check) {
       const Eigen::Vector3d p_cam = depth * ray->direction;
       std::vector<double> J_params(kMaxObservationSize * model.params.size());
       double predicted[kMaxObservationSize], J_point[kMaxObservationSize * 3];
-      if (!check.Expect(model.project_with_jacobian(check.Params(),
-                                                    check.Config(),
-                                                    seen.data(),
-                                                    p_cam,
-                                                    {predicted, J_params.data(), J_point}),
+      if (!check.Expect(model.ProjectWithJacobian(check.Params(),
+                                                  check.Config(),
+                                                  seen.data(),
+                                                  p_cam,
+                                                  {predicted, J_params.data(), J_point}),
                         "point {} is not imaged",
                         Text(p_cam))) {
         continue;

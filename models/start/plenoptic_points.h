@@ -26,7 +26,7 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
 /// Leaves it alone when the centres are no lattice.
 void FindLensTypes(std::vector<View>* views);
 
-/// `CameraModel::remedy` for the parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1, for the
+/// `CameraModel::Remedy` for the parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1, for the
 /// pupil's distance at the place `pupil` and two angles of the array from `tilt` on.
 std::string PlenopticRemedy(std::span<const size_t> weak,
                             size_t pupil,

@@ -112,7 +112,7 @@ Numbers Project(const CalibratedCamera& camera,
     for (size_t i = 0; i < count; ++i) {
       contexts.Put(i, values.data());
       const Eigen::Vector3d p_cam(p[3 * i], p[3 * i + 1], p[3 * i + 2]);
-      if (!model.project(camera.params.data(),
+      if (!model.Project(camera.params.data(),
                          camera.config.data(),
                          values.data(),
                          p_cam,
@@ -139,11 +139,11 @@ void ForEachJacobian(const CalibratedCamera& camera,
   for (size_t i = 0; i < points.shape(0); ++i) {
     contexts.Put(i, values.data());
     const Eigen::Vector3d p_cam(points(i, 0), points(i, 1), points(i, 2));
-    if (!model.project_with_jacobian(camera.params.data(),
-                                     camera.config.data(),
-                                     values.data(),
-                                     p_cam,
-                                     {predicted.data(), J_params.data(), J_point.data()})) {
+    if (!model.ProjectWithJacobian(camera.params.data(),
+                                   camera.config.data(),
+                                   values.data(),
+                                   p_cam,
+                                   {predicted.data(), J_params.data(), J_point.data()})) {
       std::ranges::fill(predicted, kNan);
       std::ranges::fill(J_params, kNan);
       std::ranges::fill(J_point, kNan);
@@ -212,7 +212,7 @@ nb::tuple Rays(const CalibratedCamera& camera,
       std::copy_n(pixels.data() + i * measured, measured, values.data());
       contexts.Put(i, values.data());
       const std::optional<Ray> ray =
-          model.unproject(camera.params.data(), camera.config.data(), values.data());
+          model.Unproject(camera.params.data(), camera.config.data(), values.data());
       for (Eigen::Index k = 0; k < 3; ++k) {
         o[3 * i + static_cast<size_t>(k)] = ray ? ray->origin[k] : kNan;
         d[3 * i + static_cast<size_t>(k)] = ray ? ray->direction[k] : kNan;

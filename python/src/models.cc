@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera models written in Python. The table of a model has plain functions, so each Python model
-// takes one of a fixed number of slots, whose functions call it.
-#include <fmt/format.h>
+// Camera models written in Python: `self` of the model's table is a `PythonModel`.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -13,9 +11,9 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <memory>
 #include <tuple>
 
-#include "calib/base/error.h"
 #include "models/registry.h"
 #include "models/start/central_model.h"
 #include "models/start/central_start.h"
@@ -24,23 +22,22 @@
 namespace plenocal::python {
 namespace {
 
-constexpr size_t kSlots = 32;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// A Python object that is a camera model, and the text to which its table refers. It is never
 /// given back, since the table is not.
-struct Slot {
+struct PythonModel {
   nb::handle object;
   std::string name, source;
   std::deque<std::string> texts;  // of params
   std::vector<Param> params;
   std::vector<double> example;
   bool has_jacobian = false;
-  const CameraModel* model = nullptr;
 };
 
-std::array<Slot, kSlots> slots;
-size_t used_slots = 0;
+const PythonModel& PythonModelOf(const CameraModel& model) {
+  return *static_cast<const PythonModel*>(model.self);
+}
 
 /// Calls into Python, which works in one thread at a time; false after an exception, which the
 /// `EngineCall` of this thread throws.
@@ -69,23 +66,25 @@ RowMajor FromArray(const nb::object& object, Eigen::Index columns) {
 }
 
 /// Image points (K x 2) of points (K x 3) by cameras of these parameters (K x params).
-std::optional<RowMajor> ProjectRows(const Slot& slot,
+std::optional<RowMajor> ProjectRows(const PythonModel& model,
                                     const RowMajor& params,
                                     const RowMajor& points) {
   std::optional<RowMajor> projected;
   CallModel([&] {
-    projected = FromArray(slot.object.attr("_project_rows")(AsArray(params), AsArray(points)), 2);
+    projected = FromArray(model.object.attr("_project_rows")(AsArray(params), AsArray(points)), 2);
   });
   return projected;
 }
 
-bool ProjectOne(const Slot& slot,
+bool ProjectOne(const CameraModel& model,
                 const double* params,
+                const double* /*config*/,
+                const double* /*values*/,
                 const Eigen::Vector3d& p_cam,
                 double* predicted) {
-  const auto n = static_cast<Eigen::Index>(slot.params.size());
-  const auto projected =
-      ProjectRows(slot, Eigen::Map<const RowMajor>(params, 1, n), p_cam.transpose());
+  const auto n = static_cast<Eigen::Index>(model.params.size());
+  const auto projected = ProjectRows(
+      PythonModelOf(model), Eigen::Map<const RowMajor>(params, 1, n), p_cam.transpose());
   if (!projected || !projected->allFinite()) return false;
   std::copy_n(projected->data(), 2, predicted);
   return true;
@@ -104,20 +103,20 @@ void RemoveRadialRounding(const Eigen::Vector3d& p_cam,
 }
 
 /// Central differences; one-sided where a neighbour is outside of the domain.
-bool ProjectWithDifferences(const Slot& slot,
+bool ProjectWithDifferences(const PythonModel& model,
                             const double* params,
                             const Eigen::Vector3d& p_cam,
                             const ProjectionOutput& out) {
   // Truncation and rounding of a central difference are equally small at this relative step.
   static const double kStep = std::cbrt(std::numeric_limits<double>::epsilon());
-  const auto n = static_cast<Eigen::Index>(slot.params.size()), unknowns = n + 3;
+  const auto n = static_cast<Eigen::Index>(model.params.size()), unknowns = n + 3;
   const Eigen::Index first = out.J_params != nullptr ? 0 : n;
   RowMajor cameras(2 * unknowns + 1, n), points(2 * unknowns + 1, 3);
   cameras.rowwise() = Eigen::Map<const Eigen::RowVectorXd>(params, n);
   points.rowwise() = p_cam.transpose();
   Eigen::VectorXd steps(unknowns);
   for (Eigen::Index k = first; k < unknowns; ++k) {
-    const Param* const param = k < n ? &slot.params[static_cast<size_t>(k)] : nullptr;
+    const Param* const param = k < n ? &model.params[static_cast<size_t>(k)] : nullptr;
     const double size = param ? std::max({std::abs(params[k]), param->scale, kStep}) : p_cam.norm();
     steps[k] = kStep * size;
     for (const int side : {0, 1}) {
@@ -125,7 +124,7 @@ bool ProjectWithDifferences(const Slot& slot,
       value += side == 0 ? -steps[k] : steps[k];
     }
   }
-  const auto projected = ProjectRows(slot, cameras, points);
+  const auto projected = ProjectRows(model, cameras, points);
   if (!projected) return false;
   const auto middle = projected->row(2 * unknowns);
   if (!middle.allFinite()) return false;
@@ -146,15 +145,18 @@ bool ProjectWithDifferences(const Slot& slot,
 }
 
 /// The model's own derivatives: u (1 x 2), by the parameters (2 x n), by the point (2 x 3).
-bool ProjectWithJacobian(const Slot& slot,
+bool ProjectWithJacobian(const CameraModel& model,
                          const double* params,
+                         const double* /*config*/,
+                         const double* /*values*/,
                          const Eigen::Vector3d& p_cam,
                          const ProjectionOutput& out) {
-  if (!slot.has_jacobian) return ProjectWithDifferences(slot, params, p_cam, out);
-  const auto n = static_cast<Eigen::Index>(slot.params.size());
+  const PythonModel& own = PythonModelOf(model);
+  if (!own.has_jacobian) return ProjectWithDifferences(own, params, p_cam, out);
+  const auto n = static_cast<Eigen::Index>(model.params.size());
   bool inside = false;
   CallModel([&] {
-    const nb::object result = slot.object.attr("_jacobian_row")(
+    const nb::object result = own.object.attr("_jacobian_row")(
         AsArray(Eigen::Map<const RowMajor>(params, 1, n)), AsArray(p_cam.transpose()));
     const RowMajor u = FromArray(result[0], 2), J_params = FromArray(result[1], n),
                    J_point = FromArray(result[2], 3);
@@ -167,25 +169,29 @@ bool ProjectWithJacobian(const Slot& slot,
   return inside;
 }
 
-std::optional<Ray> UnprojectOne(const Slot& slot, const double* params, const double* values) {
-  const auto n = static_cast<Eigen::Index>(slot.params.size());
+std::optional<Ray> UnprojectOne(const CameraModel& model,
+                                const double* params,
+                                const double* /*config*/,
+                                const double* values) {
+  const auto n = static_cast<Eigen::Index>(model.params.size());
   std::optional<Ray> ray;
   CallModel([&] {
-    const RowMajor direction = FromArray(
-        slot.object.attr("_unproject_rows")(AsArray(Eigen::Map<const RowMajor>(params, 1, n)),
-                                            AsArray(Eigen::Map<const RowMajor>(values, 1, 2))),
-        3);
+    const RowMajor direction = FromArray(PythonModelOf(model).object.attr("_unproject_rows")(
+                                             AsArray(Eigen::Map<const RowMajor>(params, 1, n)),
+                                             AsArray(Eigen::Map<const RowMajor>(values, 1, 2))),
+                                         3);
     const Eigen::Vector3d unit = direction.row(0).transpose().stableNormalized();
     if (unit.allFinite() && unit.squaredNorm() > 0) ray = Ray{Eigen::Vector3d::Zero(), unit};
   });
   return ray;
 }
 
-std::vector<StartCandidate> StartOf(const Slot& slot, const StartProblem& problem) {
-  return StartCentral(*slot.model, problem, [&](double f, double c_x, double c_y) {
+std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& problem) {
+  return StartCentral(model, problem, [&](double f, double c_x, double c_y) {
     std::vector<std::vector<double>> cameras;
     CallModel([&] {
-      for (const nb::handle camera : nb::list(slot.object.attr("_starts")(f, c_x, c_y))) {
+      const nb::object starts = PythonModelOf(model).object.attr("_starts")(f, c_x, c_y);
+      for (const nb::handle camera : nb::list(starts)) {
         cameras.push_back(nb::cast<std::vector<double>>(camera));
       }
     });
@@ -195,42 +201,25 @@ std::vector<StartCandidate> StartOf(const Slot& slot, const StartProblem& proble
 
 constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
 
-template <size_t I>
-CameraModel TableOf(ImageSize size) {
-  const Slot& slot = slots[I];
-  CameraModel model{};
-  model.name = slot.name;
-  model.source = slot.source;
-  model.params = slot.params;
-  model.measured = kMeasured;
-  model.example = slot.example;
-  model.example_size = size;
-  model.central = true;
-  model.project = [](const double* params,
-                     const double*,
-                     const double*,
-                     const Eigen::Vector3d& p_cam,
-                     double* predicted) { return ProjectOne(slots[I], params, p_cam, predicted); };
-  model.project_with_jacobian = [](const double* params,
-                                   const double*,
-                                   const double*,
-                                   const Eigen::Vector3d& p_cam,
-                                   const ProjectionOutput& out) {
-    return ProjectWithJacobian(slots[I], params, p_cam, out);
-  };
-  model.unproject = [](const double* params, const double*, const double* values) {
-    return UnprojectOne(slots[I], params, values);
-  };
-  model.start = [](const StartProblem& problem) { return StartOf(slots[I], problem); };
-  model.misfit = &CentralModel::JudgeFit;
-  return model;
-}
-
-template <size_t... I>
-CameraModel TableAt(size_t index, ImageSize size, std::index_sequence<I...>) {
-  CameraModel model{};
-  ((index == I ? void(model = TableOf<I>(size)) : void()), ...);
-  return model;
+CameraModel TableOf(const PythonModel& own, ImageSize size) {
+  return {.name = own.name,
+          .source = own.source,
+          .params = own.params,
+          .config = {},
+          .measured = kMeasured,
+          .context = {},
+          .example = own.example,
+          .example_config = {},
+          .example_size = size,
+          .central = true,
+          .plenoptic = false,
+          .local = false,
+          .functions = {.project = &ProjectOne,
+                        .project_with_jacobian = &ProjectWithJacobian,
+                        .unproject = &UnprojectOne,
+                        .start = &Start,
+                        .misfit = &CentralModel::JudgeFit},
+          .self = &own};
 }
 
 using ParamTuple = std::
@@ -243,25 +232,16 @@ void Register(const nb::object& object,
               const std::vector<double>& example,
               ImageSize example_size,
               bool has_jacobian) {
-  if (FindModel(CameraModels(), name) != nullptr) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("there is a camera model '{}' already; give it another name", name));
-  }
-  if (used_slots == kSlots) {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}: a process takes {} camera models in Python", name, kSlots));
-  }
-  Slot& slot = slots[used_slots];
-  slot = Slot{.object = object,
-              .name = name,
-              .source = source,
-              .texts = {},
-              .params = {},
-              .example = example,
-              .has_jacobian = has_jacobian};
+  const auto own = std::make_shared<PythonModel>(PythonModel{.object = object,
+                                                             .name = name,
+                                                             .source = source,
+                                                             .texts = {},
+                                                             .params = {},
+                                                             .example = example,
+                                                             .has_jacobian = has_jacobian});
   for (const auto& [symbol, unit, lower, upper, scale, neutral, fixed, prior_sigma] : params) {
-    slot.params.push_back({.name = slot.texts.emplace_back(symbol),
-                           .unit = slot.texts.emplace_back(unit),
+    own->params.push_back({.name = own->texts.emplace_back(symbol),
+                           .unit = own->texts.emplace_back(unit),
                            .lower = lower,
                            .upper = upper,
                            .scale = scale,
@@ -269,11 +249,8 @@ void Register(const nb::object& object,
                            .fixed = static_cast<Fixed>(fixed),
                            .prior_sigma = prior_sigma});
   }
-  const CameraModel model = TableAt(used_slots, example_size, std::make_index_sequence<kSlots>());
-  AddCameraModels(std::span(&model, 1), name);
-  slot.object.inc_ref();
-  slot.model = FindModel(CameraModels(), name);
-  ++used_slots;
+  AddCameraModel(TableOf(*own, example_size), own, name);
+  own->object.inc_ref();
 }
 
 }  // namespace

@@ -50,11 +50,11 @@ Image Project(const CalibratedCamera& camera, const double* values, const Eigen:
   std::vector<double> by_params(2 * camera.params.size());
   Image image;
   EXPECT_TRUE(
-      camera.model->project_with_jacobian(camera.params.data(),
-                                          camera.config.data(),
-                                          values,
-                                          p,
-                                          {predicted, by_params.data(), image.by_point.data()}));
+      camera.model->ProjectWithJacobian(camera.params.data(),
+                                        camera.config.data(),
+                                        values,
+                                        p,
+                                        {predicted, by_params.data(), image.by_point.data()}));
   image.x = {predicted[0], predicted[1]};
   return image;
 }
@@ -107,7 +107,7 @@ TEST(ProjectionUncertainty, IsTheScatterOfWhatNoisyCalibrationsProject) {
         Place& place = compared[{m, cell}];
         if (trial == 0) {
           place.at = maps[m].grid.Middle(cell);
-          const auto ray = camera.model->unproject(camera.params.data(), nullptr, place.at.data());
+          const auto ray = camera.model->Unproject(camera.params.data(), nullptr, place.at.data());
           ASSERT_TRUE(ray);
           place.point = ray->origin + places[m].distance * ray->direction;
         }

@@ -117,7 +117,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
         if ((lens - x_V).norm() > std::abs(v) * kPitch + 0.1 * kSize[0]) continue;
         Observation seen{.marker = number, .values = {0, 0, lens.x(), lens.y()}};
         double predicted[2];
-        if (!model->project(problem.params.data(), &kPixel, seen.values.data(), p_cam, predicted)) {
+        if (!model->Project(problem.params.data(), &kPixel, seen.values.data(), p_cam, predicted)) {
           continue;
         }
         const Eigen::Vector2d x_R(predicted[0], predicted[1]);

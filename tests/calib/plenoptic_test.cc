@@ -261,8 +261,8 @@ TEST(PlenopticTemplateDepth, DisplacesAsIfThroughAnotherMicroLens) {
     const double by_template[kMaxObservationSize] = {0, 0, c.x(), c.y(), v_t, s.x(), s.y()};
     const double right[kMaxObservationSize] = {0, 0, other.x(), other.y()};
     Eigen::Vector2d seen, expected;
-    ASSERT_TRUE(model.project(params.data(), &pixel, by_template, p, seen.data()));
-    ASSERT_TRUE(model.project(params.data(), &pixel, right, p, expected.data()));
+    ASSERT_TRUE(model.Project(params.data(), &pixel, by_template, p, seen.data()));
+    ASSERT_TRUE(model.Project(params.data(), &pixel, right, p, expected.data()));
     EXPECT_LT((seen + (1 - v_t) * s - expected).norm(), tolerance) << z;
   }
 }
@@ -283,11 +283,11 @@ TEST(PlenopticTilt, ProjectsThroughTheTiltedPlane) {
     const Eigen::Vector2d lens = c_I / pixel + middle;
     const double values[kMaxObservationSize] = {0, 0, lens.x(), lens.y()};
     Eigen::Vector2d seen;
-    ASSERT_TRUE(model.project(params.data(), &pixel, values, p, seen.data()));
+    ASSERT_TRUE(model.Project(params.data(), &pixel, values, p, seen.data()));
     EXPECT_LT((seen - (x_R / pixel + middle)).norm(), tolerance);
     // The ray of the point that was seen passes through it.
     const double back[kMaxObservationSize] = {seen.x(), seen.y(), lens.x(), lens.y()};
-    const auto ray = model.unproject(params.data(), &pixel, back);
+    const auto ray = model.Unproject(params.data(), &pixel, back);
     ASSERT_TRUE(ray);
     EXPECT_LT((p - ray->origin).cross(ray->direction).norm(), 1e-9);
   }

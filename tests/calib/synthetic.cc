@@ -119,7 +119,7 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
                                 .detector_sigma = options.noise > 0 ? options.noise : 0};
         const Eigen::Vector3d p_cam = problem.T_camera_rig[c] * (seen * position);
         const bool missing = random.Uniform(0, 1) < options.partial;
-        if (!model->project(problem.params[c].data(),
+        if (!model->Project(problem.params[c].data(),
                             nullptr,
                             observation.values.data(),
                             p_cam,
@@ -184,10 +184,10 @@ double LargestShift(const SyntheticProblem& problem,
   double largest = 0;
   for (const View& view : problem.input.cameras[camera].views) {
     for (const Observation& observation : view.observations) {
-      const std::optional<Ray> ray = estimate.model->unproject(
+      const std::optional<Ray> ray = estimate.model->Unproject(
           problem.params[camera].data(), nullptr, observation.values.data());
       double predicted[kMaxObservationSize];
-      if (!ray || !estimate.model->project(estimate.params.data(),
+      if (!ray || !estimate.model->Project(estimate.params.data(),
                                            nullptr,
                                            observation.values.data(),
                                            ray->direction,

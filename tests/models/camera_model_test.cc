@@ -107,7 +107,7 @@ TEST(Remedy, OfAPlenopticModelsOwnParameterIsAboutThatParameter) {
   const std::array<size_t, 1> own{9};
   const DepthRange seen{.nearest = 0.5, .farthest = 1};
   const auto remedy = [&](const char* model) {
-    return FindModel(CameraModels(), model)->remedy(own, seen);
+    return FindModel(CameraModels(), model)->Remedy(own, seen);
   };
   EXPECT_THAT(remedy("focused-plenoptic-pupil"), ::testing::HasSubstr("fixed: [f_L]"));
   const std::string of_tilt = remedy("focused-plenoptic-tilt");

@@ -48,7 +48,7 @@ double Difference(std::string_view name, double half_fov, bool fisheye) {
   for (size_t i = 0; i < points.size(); ++i) {
     double u[2];
     const Eigen::Vector3d p(points[i].x, points[i].y, points[i].z);
-    EXPECT_TRUE(model->project(example.data(), nullptr, u, p, u));
+    EXPECT_TRUE(model->Project(example.data(), nullptr, u, p, u));
     largest = std::max(largest, std::hypot(u[0] - image[i].x, u[1] - image[i].y));
   }
   return largest;

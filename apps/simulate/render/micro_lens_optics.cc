@@ -68,7 +68,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
 std::optional<Ray> MicroLensOptics::RayThrough(const Eigen::Vector2d& x,
                                                const Eigen::Vector2d& c) const {
   const std::array values{x.x(), x.y(), c.x(), c.y()};
-  return camera_.model->unproject(camera_.params.data(), camera_.config.data(), values.data());
+  return camera_.model->Unproject(camera_.params.data(), camera_.config.data(), values.data());
 }
 
 std::optional<Eigen::Vector2d> MicroLensOptics::Slope(const Eigen::Vector2d& c) const {
@@ -144,7 +144,7 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
   const auto project = [&](const Eigen::Vector2d& c) -> std::optional<Eigen::Vector2d> {
     const double values[kMaxObservationSize] = {0, 0, c.x(), c.y()};
     Eigen::Vector2d x;
-    if (!camera_.model->project(
+    if (!camera_.model->Project(
             camera_.params.data(), camera_.config.data(), values, p_cam, x.data())) {
       return std::nullopt;
     }

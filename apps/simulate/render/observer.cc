@@ -123,7 +123,7 @@ std::vector<Observation> Observer::ObservePoint(std::size_t c,
   if (optics_[c]) return optics_[c]->Observe(marker, p_cam);
   const CameraSpec& camera = spec_.cameras[c];
   Observation observation{.marker = marker};
-  if (camera.model->project(
+  if (camera.model->Project(
           camera.params.data(), camera.config.data(), nullptr, p_cam, observation.values.data()) &&
       IsInside({observation.values[0], observation.values[1]}, camera.image_size)) {
     return {observation};
@@ -134,7 +134,7 @@ std::vector<Observation> Observer::ObservePoint(std::size_t c,
 std::optional<Ray> Observer::CentralRay(std::size_t c, const Eigen::Vector2d& u) const {
   if (optics_[c]) return optics_[c]->RayThrough(u, u);
   const CameraSpec& camera = spec_.cameras[c];
-  return camera.model->unproject(camera.params.data(), camera.config.data(), u.data());
+  return camera.model->Unproject(camera.params.data(), camera.config.data(), u.data());
 }
 
 void AddNoise(const CameraSpec& camera, Random* random, Observation* observation) {

@@ -63,7 +63,7 @@ class OrdinaryRenderer : public Renderer {
       for (int x = 0; x < columns; ++x) {
         const Eigen::Vector2d u(x - margin_ - 0.5, y - margin_ - 0.5);
         const auto ray =
-            camera_.model->unproject(camera_.params.data(), camera_.config.data(), u.data());
+            camera_.model->Unproject(camera_.params.data(), camera_.config.data(), u.data());
         if (!ray) continue;
         const size_t at = static_cast<size_t>(y) * stride_ + static_cast<size_t>(x);
         directions_[at] = ray->direction.cast<float>();

@@ -30,7 +30,7 @@ std::optional<double> ResidualOfView(const BundleCamera& camera,
   std::vector<double> lengths;
   for (const Observation& seen : view.observations) {
     double predicted[kMaxObservationSize];
-    if (!camera.model->project(camera.params.data(),
+    if (!camera.model->Project(camera.params.data(),
                                camera.config.data(),
                                seen.values.data(),
                                *pose * markers.at(seen.marker),

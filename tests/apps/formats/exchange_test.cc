@@ -465,7 +465,7 @@ TEST_F(Exchange, OpenCvReadsAndProjectsTheSame) {
   for (size_t i = 0; i < points.size(); ++i) {
     double u[2];
     ASSERT_TRUE(
-        model->project(params, nullptr, nullptr, {points[i].x, points[i].y, points[i].z}, u));
+        model->Project(params, nullptr, nullptr, {points[i].x, points[i].y, points[i].z}, u));
     EXPECT_NEAR(u[0], pixels[i].x, 1e-6);
     EXPECT_NEAR(u[1], pixels[i].y, 1e-6);
   }
@@ -565,7 +565,7 @@ for x, y in q: print(f'{x:.12f},{y:.12f}')
   for (int i = 0; i < 1000; ++i) {
     const Eigen::Vector3d p(0.001 * i - 0.3, 0.2 - 0.0005 * i, 1 + 0.002 * i);
     double u[2];
-    ASSERT_TRUE(model->project(
+    ASSERT_TRUE(model->Project(
         params, nullptr, nullptr, T.topLeftCorner<3, 3>() * p + T.topRightCorner<3, 1>(), u));
     EXPECT_NEAR(u[0], x[static_cast<size_t>(i)], 1e-6);
     EXPECT_NEAR(u[1], y[static_cast<size_t>(i)], 1e-6);
@@ -590,7 +590,7 @@ TEST_F(Exchange, ColmapReadsAndProjectsTheSame) {
     for (size_t c = 0; c < 2; ++c) {
       double u[2];
       const Eigen::Vector3d seen = p + Eigen::Vector3d(c == 0 ? 0 : 0.1, 0, 0);
-      ASSERT_TRUE(model->project(params, nullptr, nullptr, seen, u));
+      ASSERT_TRUE(model->Project(params, nullptr, nullptr, seen, u));
       observations[c] += fmt::format("{} {} {} ", u[0] + 0.5, u[1] + 0.5, i + 1);
     }
     points += fmt::format("{0} {1} {2} {3} 0 0 0 0 1 {4} 2 {4}\n", i + 1, p.x(), p.y(), p.z(), i);

@@ -319,7 +319,7 @@ TEST_F(Report, NamesWhatABadPoseSetLacks) {
     View view{fmt::format("{:02}", frame), {}};
     for (const auto& [number, place] : problem.input.markers) {
       Observation seen{.marker = number, .values = {}, .detector_sigma = 0.1};
-      if (!camera.model->project(problem.params[0].data(),
+      if (!camera.model->Project(problem.params[0].data(),
                                  nullptr,
                                  seen.values.data(),
                                  T * place,

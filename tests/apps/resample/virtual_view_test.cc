@@ -39,7 +39,7 @@ std::optional<Eigen::Vector2d> Shown(const CalibratedCamera& camera,
                                      const Eigen::Vector3d& p) {
   const double values[kMaxObservationSize] = {0, 0, lens.x(), lens.y()};
   Eigen::Vector2d u;
-  if (!camera.model->project(camera.params.data(), camera.config.data(), values, p, u.data())) {
+  if (!camera.model->Project(camera.params.data(), camera.config.data(), values, p, u.data())) {
     return std::nullopt;
   }
   return u;

@@ -97,7 +97,7 @@ TrackErrors ErrorsOf(const std::vector<View>& views,
     const RigidTransform T_camera_world = camera.T_camera_rig * poses.at(view.frame).Inverse();
     for (const Observation& seen : view.observations) {
       std::array<double, 4> predicted{};
-      const bool is_imaged = camera.model->project(camera.params.data(),
+      const bool is_imaged = camera.model->Project(camera.params.data(),
                                                    camera.config.data(),
                                                    seen.values.data(),
                                                    T_camera_world * points.at(seen.marker),
@@ -357,7 +357,7 @@ TEST_F(SimulateScene, ImagesShowTheSamePointsAsTracks) {
         const CalibratedCamera& camera = truth.cameras[c];
         const Eigen::Vector3d p = camera.T_camera_rig * T_world_rig.Inverse() * position;
         std::array<double, 4> u{};
-        if (!camera.model->project(
+        if (!camera.model->Project(
                 camera.params.data(), camera.config.data(), u.data(), p, u.data()) ||
             !(u[0] > 20 && u[0] < 620 && u[1] > 20 && u[1] < 490)) {
           break;

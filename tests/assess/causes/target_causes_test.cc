@@ -151,7 +151,7 @@ void LookThroughAFisheye(SyntheticProblem* problem) {
     for (const auto& [number, p] : problem->markers) {
       Observation seen{.marker = number, .detector_sigma = 0.1};
       double* px = seen.values.data();
-      if (!camera.model->project(params.data(), nullptr, px, T_camera_target * p, px)) continue;
+      if (!camera.model->Project(params.data(), nullptr, px, T_camera_target * p, px)) continue;
       for (int axis = 0; axis < 2; ++axis) px[axis] += noise(random);
       if (std::abs(px[0] - 640) < 640 && std::abs(px[1] - 480) < 480) {
         view.observations.push_back(seen);

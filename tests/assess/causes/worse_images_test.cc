@@ -102,7 +102,7 @@ TEST(ImageCauses, NamesATargetThatIsTooSmall) {
     RigidTransform T = problem.T_camera_rig[0] * problem.T_rig_target.at(view->frame);
     T.t *= 3;
     for (Observation& seen : view->observations) {
-      ASSERT_TRUE(problem.input.cameras[0].model->project(problem.params[0].data(),
+      ASSERT_TRUE(problem.input.cameras[0].model->Project(problem.params[0].data(),
                                                           nullptr,
                                                           nullptr,
                                                           T * problem.markers.at(seen.marker),

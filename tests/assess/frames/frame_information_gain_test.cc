@@ -27,7 +27,7 @@ class Worth : public ::testing::Test {
     View view;
     for (const auto& [number, position] : shape_.markers) {
       Observation seen{.marker = number};
-      if (camera.model->project(camera.params.data(),
+      if (camera.model->Project(camera.params.data(),
                                 nullptr,
                                 nullptr,
                                 T_rig_target * position,

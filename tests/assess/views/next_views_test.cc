@@ -191,7 +191,7 @@ TEST(NextViews, LowerSigmaAsPredictedWhenTheyAreTaken) {
                                     .assumed_sigma = taken.sigma_px[0]};
       const BundleCamera& camera = taken.bundle.cameras[0];
       double u[kMaxObservationSize];
-      ASSERT_TRUE(camera.model->project(camera.params.data(),
+      ASSERT_TRUE(camera.model->Project(camera.params.data(),
                                         nullptr,
                                         observation.seen.values.data(),
                                         view.T_rig_target * taken.bundle.markers[m].position,
@@ -231,7 +231,7 @@ TEST(NextViews, TiltWhereNothingWasTilted) {
     const Eigen::Vector3d place(-0.135 + 0.03 * (f % 3 - 1), -0.09 + 0.02 * (f % 2), 0.6);
     for (const auto& [number, position] : problem.markers) {
       Observation seen{.marker = number, .detector_sigma = 0.1};
-      ASSERT_TRUE(model.project(
+      ASSERT_TRUE(model.Project(
           problem.params[0].data(), nullptr, nullptr, position + place, seen.values.data()));
       view.observations.push_back(seen);
     }

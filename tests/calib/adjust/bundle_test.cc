@@ -182,19 +182,19 @@ TEST(Adjust, RefusesObservationsOutsideTheDomainAndLeavesUnusedOnesAlone) {
 const CameraModel& PinholeRadial3() { return *FindModel(CameraModels(), "pinhole-radial3"); }
 
 // Without derivatives for points on the right: the other half of the observations decides.
-bool ProjectWithHalfOfTheJacobians(const double* params,
+bool ProjectWithHalfOfTheJacobians(const CameraModel& /*model*/,
+                                   const double* params,
                                    const double* config,
                                    const double* values,
                                    const Eigen::Vector3d& p_cam,
                                    const ProjectionOutput& out) {
-  return p_cam.x() < 0 &&
-         PinholeRadial3().project_with_jacobian(params, config, values, p_cam, out);
+  return p_cam.x() < 0 && PinholeRadial3().ProjectWithJacobian(params, config, values, p_cam, out);
 }
 
 // Derivatives at the edge of a domain may not exist where the residual still does.
 TEST(Adjust, GoesOnWhereOnlyDerivativesAreMissing) {
   CameraModel model = PinholeRadial3();
-  model.project_with_jacobian = ProjectWithHalfOfTheJacobians;
+  model.functions.project_with_jacobian = ProjectWithHalfOfTheJacobians;
   Bundle bundle = TrueBundle(Stereo());
   Disturb(&bundle);
   for (BundleCamera& camera : bundle.cameras) camera.model = &model;

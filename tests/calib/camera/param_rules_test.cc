@@ -32,7 +32,7 @@ void SeeAgain(SyntheticProblem* problem, unsigned seed) {
       const RigidTransform T = problem->T_camera_rig[c] * problem->T_rig_target.at(view.frame);
       for (Observation& seen : view.observations) {
         const double values[kMaxObservationSize] = {};
-        ASSERT_TRUE(camera.model->project(problem->params[c].data(),
+        ASSERT_TRUE(camera.model->Project(problem->params[c].data(),
                                           nullptr,
                                           values,
                                           T * problem->markers.at(seen.marker),

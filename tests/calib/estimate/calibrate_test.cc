@@ -208,10 +208,11 @@ TEST(InitialGuess, LooksForAnotherLensOnlyBeyondWhatTheTargetsToleranceExplains)
   const SyntheticProblem problem = MakeProblem(4, {.noise = 0.1, .marker_tolerance = kTolerance});
   CameraInput camera = problem.input.cameras[0];
   CameraModel model = *camera.model;
-  model.misfit = [](const CameraModel&, const StartProblem&, std::span<const double>, double) {
-    ++misfit_calls;
-    return Misfit();
-  };
+  model.functions.misfit =
+      [](const CameraModel&, const StartProblem&, std::span<const double>, double) {
+        ++misfit_calls;
+        return Misfit();
+      };
   camera.model = &model;
   misfit_calls = 0;
   const MarkerFreedom tolerance = MarkerFreedom::FromSigma(kTolerance);
@@ -457,7 +458,7 @@ CalibrationInput FrontoParallel(double noise) {
                                          {0.02 * (f % 4) - 0.1, 0.03 * (f % 3) - 0.1, 0.6}};
     for (const auto& [number, position] : input.markers) {
       Observation observation{.marker = number, .detector_sigma = noise};
-      if (!model->project(params.data(),
+      if (!model->Project(params.data(),
                           nullptr,
                           observation.values.data(),
                           T_camera_target * position,

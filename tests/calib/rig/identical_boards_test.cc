@@ -60,7 +60,7 @@ Boards MakeBoards(unsigned seed, double size, Right right, double x = 0.33) {
         for (const auto& [number, p] : problem.input.markers) {
           const Eigen::Vector3d on_board = boards.markers.at(MarkerId{board, number}.Number());
           double image[kMaxObservationSize];
-          if (!camera.model->project(
+          if (!camera.model->Project(
                   problem.params[c].data(), camera.config.data(), nullptr, T * on_board, image)) {
             continue;
           }

@@ -74,7 +74,7 @@ TwoWalls Record(unsigned seed, double spread) {
         Observation seen{.marker = number, .detector_sigma = kNoise};
         const Eigen::Vector3d p_camera = poses[c] * p;
         if (p_camera.z() < 0.1 ||
-            !model->project(params.data(), nullptr, nullptr, p_camera, seen.values.data()) ||
+            !model->Project(params.data(), nullptr, nullptr, p_camera, seen.values.data()) ||
             seen.values[0] < 0 || seen.values[0] > size[0] || seen.values[1] < 0 ||
             seen.values[1] > size[1]) {
           continue;
