@@ -83,7 +83,8 @@ def calibrate(
     elif images_in_memory(images):
         if not target:
             raise InputError("calibrate: images in memory need a target")
-        request.session = Session.from_images(target, images)._native
+        session = Session.from_images(target, images)  # holds copies of images until the run ends
+        request.session = session._native
     else:
         if isinstance(images, Mapping):
             request.images.cameras = [f"{name}={os.fspath(glob)}" for name, glob in images.items()]

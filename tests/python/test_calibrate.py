@@ -450,6 +450,9 @@ def test_calibrates_from_arrays_of_images(tmp_path: pathlib.Path) -> None:
     arrays[0] = wide[:, :-7]
     of_arrays = plenocal.calibrate(images=arrays, target=made.target, model="pinhole-radtan")
     np.testing.assert_allclose(of_arrays[0].params, of_files[0].params, rtol=1e-12)
+    by_columns = [np.asfortranarray(array) for array in arrays]  # need copies
+    of_copies = plenocal.calibrate(images=by_columns, target=made.target, model="pinhole-radtan")
+    np.testing.assert_allclose(of_copies[0].params, of_files[0].params, rtol=1e-12)
     with pytest.raises(plenocal.InputError, match="cam: frame 0001: expected .* found float64"):
         plenocal.calibrate(images=[arrays[0], arrays[1].astype(float)], target=made.target)
 
