@@ -135,12 +135,7 @@ def detect_session(
 def try_models(session: Session, request: TryRequest, caller: Caller) -> str: ...
 def check(calibration: Record, session: Session, request: CheckRequest, caller: Caller) -> str: ...
 def compare(
-    a: Record,
-    b: Record,
-    map: Sequence[str],
-    distances: Sequence[float],
-    folder: str,
-    caller: Caller,
+    a: Record, b: Record, map: Sequence[str], distances: Sequence[float], folder: str
 ) -> str: ...
 def suggest(
     request: SuggestRequest, picture: str, caller: Caller, *source: Session | Record

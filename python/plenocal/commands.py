@@ -195,8 +195,6 @@ def compare(
     *,
     distances: Sequence[float] = (),
     map: Mapping[str, str] | None = None,
-    threads: int = 0,
-    progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
     """Difference of two calibrations over the image (`plenocal compare`).
 
@@ -206,8 +204,6 @@ def compare(
         out: folder for compare.csv and difference.png; None: none are written.
         distances: of the scene, m, `inf` for far away; empty: 1 m and far away.
         map: for cameras with different names: `{name in a: name in b}`.
-        threads: number of threads; 0: one a core.
-        progress: called with a text on the present stage, from any thread.
 
     Returns the rows of compare.csv: camera, distance (m), part, rms, largest, predicted (px), probability, pixels,
     differs. Raises `InputError` for calibrations that cannot be compared.
@@ -215,7 +211,7 @@ def compare(
     pairs = [f"{own}={other}" for own, other in (map or {}).items()]
     values = [float(distance) for distance in distances]
     folder = "" if out is None else os.fspath(out)
-    return _rows(_core.compare(load(a)._native, load(b)._native, pairs, values, folder, caller(threads, progress)))
+    return _rows(_core.compare(load(a)._native, load(b)._native, pairs, values, folder))
 
 
 def suggest(

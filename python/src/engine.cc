@@ -120,9 +120,8 @@ std::string Compare(const Record& a,
                     const Record& b,
                     const std::vector<std::string>& map,
                     const std::vector<double>& distances,
-                    const std::filesystem::path& folder,
-                    const Caller& caller) {
-  return RunEngine(caller, [&](const Run&) {
+                    const std::filesystem::path& folder) {
+  return Call([&] {
     CalibrationRecord other = b.record;
     RenameCameras(map, NamesOf(a.record.cameras), &other);
     const CalibrationComparison comparison = CompareCalibrations(a.record, other, distances);
