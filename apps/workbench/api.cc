@@ -124,14 +124,17 @@ fs::path FocusFolder(int run, const std::string& camera, const std::string& fram
   return fs::path(".plenocal") / "focus" / std::to_string(run) / camera / frame;
 }
 
-// Scalars are numbers where they can be; infinite ones are null, as what is missing is.
+// Scalars without quotes are numbers where they can be; infinite ones are null, as what is missing
+// is.
 nlohmann::ordered_json YamlJson(const YamlNode& yaml) {
   nlohmann::ordered_json json;
   if (yaml.IsMap()) {
     for (const auto& [key, value] : yaml.Entries()) json[key] = YamlJson(value);
   } else if (yaml.IsSequence()) {
     for (const YamlNode& element : yaml.Elements()) json.push_back(YamlJson(element));
-  } else if (const std::string text = yaml.AsString(); text != ".inf") {
+  } else if (const std::string text = yaml.AsString(); yaml.IsQuoted()) {
+    return text;
+  } else if (text != ".inf") {
     if (const auto number = ParseDouble(text)) return *number;
     return text;
   }

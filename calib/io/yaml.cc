@@ -356,6 +356,8 @@ bool YamlNode::IsMap() const { return impl_->tree->kind == Tree::Kind::kMap; }
 bool YamlNode::IsSequence() const { return impl_->tree->kind == Tree::Kind::kSequence; }
 bool YamlNode::IsScalar() const { return impl_->tree->kind == Tree::Kind::kScalar; }
 
+bool YamlNode::IsQuoted() const { return impl_->tree->quoted; }
+
 bool YamlNode::Has(std::string_view key) const { return IsMap() && impl_->Find(key).has_value(); }
 
 // " (is 'modle' meant for it?)" where a key of the map resembles the missing one.

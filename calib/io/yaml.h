@@ -33,6 +33,7 @@ class YamlNode {
   [[nodiscard]] bool IsMap() const;
   [[nodiscard]] bool IsSequence() const;
   [[nodiscard]] bool IsScalar() const;
+  [[nodiscard]] bool IsQuoted() const;  ///< a scalar in quotes: text, whatever it looks like
   [[nodiscard]] bool Has(std::string_view key) const;
   /// The value of `key`; throws when this is no map or the key is missing.
   [[nodiscard]] YamlNode At(std::string_view key) const;

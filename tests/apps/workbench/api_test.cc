@@ -268,10 +268,11 @@ TEST_F(ApiOfAFolder, TakesAModelIntoTheSession) {
 }
 
 TEST_F(ApiOfAFolder, ShowsModelsThatTheImagesDoNotDetermine) {
-  Write("root/.plenocal/try/try.yaml",
-        "plenocal: 1\ncameras: [left]\nframes: 9\nfolds: 3\nrecommended: fov\nwhy: \"the best\"\n"
-        "models:\n  fov: {parameters: 5, image_sigma: .inf, judgement: \"recommended\", "
-        "held_out: {rms: 0.1, sigma: 0.01, probability: 1}}\n  ucm: {failure: \"too few\"}\n");
+  Write(
+      "root/.plenocal/try/try.yaml",
+      "plenocal: 1\ncameras: [left, '0']\nframes: 9\nfolds: 3\nrecommended: fov\nwhy: \"the best\"\n"
+      "models:\n  fov: {parameters: 5, image_sigma: .inf, judgement: \"recommended\", "
+      "held_out: {rms: 0.1, sigma: 0.01, probability: 1}}\n  ucm: {failure: \"too few\"}\n");
   const Json tried = Json::parse(Ask("GET", {"try"}).body);
   EXPECT_EQ(tried["models"]["fov"]["held_out"]["rms"], 0.1);
   EXPECT_EQ(tried["models"]["fov"]["image_sigma"], nullptr);
@@ -284,6 +285,7 @@ TEST_F(ApiOfAFolder, WritesNoTargetThatLiesElsewhere) {
   fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/target.yaml");
   EXPECT_EQ(Ask("PUT", {"session", "target"}, "{\"text\": \"mine\"}").status, 400);
   EXPECT_EQ(fs::file_size(folder_ / "outside/secret.png"), 6u);
+  EXPECT_EQ(tried["cameras"], Json({"left", "0"}));
 }
 
 }  // namespace TEST_FILE
