@@ -334,7 +334,9 @@ Answer Api::UseModel(const Request& request) {
   const std::string model = TextOf(body, "model");
   const SessionVersion now = project_->ReadVersion();
   std::string text = now.text;
-  for (const Json& camera : PartOf(body, "cameras", &Json::is_array, "a list")) {
+  const Json cameras = PartOf(body, "cameras", &Json::is_array, "a list");
+  if (cameras.empty()) throw InputError("cameras: expected names");
+  for (const Json& camera : cameras) {
     if (!camera.is_string()) throw InputError("cameras: expected names");
     text = WithModel(text, camera.get<std::string>(), model);
   }
@@ -483,7 +485,7 @@ Answer Api::Focus(const Request& request) const {
                                       PlainName(request.path[5], "frame"));
   Json focus = FileJson(folder / "focused.yaml");
   if (focus.is_null()) return JsonAnswer(focus);
-  if (request.path.size() == 7 && request.path[6] == "focused") {
+  if (request.path.size() == 7) {
     return ImageAnswer(
         project_->Root(), {.frame = "", .path = project_->Root() / folder / "focused.png"}, 0);
   }
@@ -500,7 +502,10 @@ Answer Api::Run(const Request& request) {
   }
   if (request.path.size() == 3) return JsonAnswer(RunJson(folder, number));
   const std::string &part = request.path[3], camera = request.Query("camera");
-  if (part == "focus" && request.path.size() >= 6) return Focus(request);
+  if (Is(request, "GET", {"runs", "*", "focus", "*", "*"}) ||
+      Is(request, "GET", {"runs", "*", "focus", "*", "*", "focused"})) {
+    return Focus(request);
+  }
   if (request.path.size() > 4) return NoAnswer();
   if (part == "points") return JsonAnswer(PointsJson(folder, camera, request.Query("frame")));
   if (part == "residuals") return JsonAnswer(ResidualsJson(folder, camera));
@@ -531,7 +536,7 @@ Answer Api::Suggest(const Request& request) const {
   const Json body = BodyOf(request);
   SuggestRequest suggest;
   suggest.input = project_->RunFolder(NumberOf(body, "run", 0));
-  suggest.count = std::clamp(NumberOf(body, "count", suggest.count), 1, 100);
+  suggest.count = NumberOf(body, "count", suggest.count);
   return JsonAnswer(SuggestionsJson(SuggestViews(suggest, {})));
 }
 

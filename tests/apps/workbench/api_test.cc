@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/workbench/api.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -205,9 +206,19 @@ TEST_F(ApiOfAFolder, RefusesWrongBodiesAndChangesNothing) {
   EXPECT_EQ(Ask("DELETE", {"jobs", "7"}).status, 404);
   EXPECT_EQ(Ask("GET", {"runs", "7"}).status, 404);
   EXPECT_EQ(Ask("GET", {"runs", "x"}).status, 400);
+  for (const char* body : {R"({"model": "fov"})", R"({"model": "fov", "cameras": []})"}) {
+    EXPECT_EQ(Ask("POST", {"session", "model"}, body).status, 400) << body;
+  }
   EXPECT_EQ(Ask("GET", {"nothing"}).status, 404);
   EXPECT_EQ(Ask("GET", {}).status, 404);
   Write("root/calibration.yaml", "plenocal: 1\n");
+  EXPECT_EQ(Ask("GET", {"runs", "0", "focus", "left", "b"}).status, 200);
+  EXPECT_EQ(Ask("GET", {"runs", "0", "focus", "left", "b", "focused.png"}).status, 404);
+  for (const char* count : {"0", "-3", "101"}) {
+    const Answer answer =
+        Ask("POST", {"suggest"}, fmt::format("{{\"run\": 0, \"count\": {}}}", count));
+    EXPECT_THAT(answer.body, HasSubstr("count")) << count;
+  }
   for (const char* format : {"../x", "--help", ".x", ""}) {
     EXPECT_EQ(Ask("GET", {"runs", "0", "export"}, {}, {{"format", format}}).status, 400) << format;
   }
@@ -274,6 +285,7 @@ TEST_F(ApiOfAFolder, ShowsModelsThatTheImagesDoNotDetermine) {
       "models:\n  fov: {parameters: 5, image_sigma: .inf, judgement: \"recommended\", "
       "held_out: {rms: 0.1, sigma: 0.01, probability: 1}}\n  ucm: {failure: \"too few\"}\n");
   const Json tried = Json::parse(Ask("GET", {"try"}).body);
+  EXPECT_EQ(tried["cameras"], Json({"left", "0"}));
   EXPECT_EQ(tried["models"]["fov"]["held_out"]["rms"], 0.1);
   EXPECT_EQ(tried["models"]["fov"]["image_sigma"], nullptr);
   EXPECT_EQ(tried["models"]["ucm"]["failure"], "too few");
@@ -285,7 +297,6 @@ TEST_F(ApiOfAFolder, WritesNoTargetThatLiesElsewhere) {
   fs::create_symlink(folder_ / "outside/secret.png", folder_ / "root/target.yaml");
   EXPECT_EQ(Ask("PUT", {"session", "target"}, "{\"text\": \"mine\"}").status, 400);
   EXPECT_EQ(fs::file_size(folder_ / "outside/secret.png"), 6u);
-  EXPECT_EQ(tried["cameras"], Json({"left", "0"}));
 }
 
 }  // namespace TEST_FILE
