@@ -106,22 +106,20 @@ void RunJob(const Json& job, const Run& run) {
 
 void ServeJobs(int socket) {
   LineSocket messages(socket);
-  std::stop_source stop;
-  std::jthread running;
+  std::jthread running;  // stopped when it is destroyed
   constexpr std::chrono::milliseconds kAnyTime{-1};
   while (const std::optional<Json> message = messages.Receive(kAnyTime)) {
     if (message->contains("stop")) {
-      stop.request_stop();
+      running.request_stop();
       continue;
     }
     if (running.joinable()) running.join();
-    stop = {};
-    running = std::jthread([&messages, job = *message, token = stop.get_token()] {
+    running = std::jthread([&messages, job = *message](const std::stop_token& stop) {
       const size_t models = CameraModels().size();
       const std::string error =
           FailureOf(job,
                     {.listener = EventListener([&](const Json& event) { messages.Send(event); }),
-                     .stop = token});
+                     .stop = stop});
       // What a large job had is not kept from other programs.
       malloc_trim(0);
       // A plug-in that the session names may have been built again until the next job.

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The workbench's worker as a process: what it keeps from job to job, and what it must not.
+#include "apps/workbench/worker/worker.h"
+
 #include <signal.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -12,6 +15,7 @@
 #include "apps/workbench/project/command_text.h"
 #include "apps/workbench/project/jobs.h"
 #include "apps/workbench/run_json.h"
+#include "apps/workbench/worker/line_socket.h"
 #include "apps/workbench/worker/worker_process.h"
 #include "engine/compare_files.h"
 #include "tests/apps/calibration_schema.h"
@@ -128,6 +132,20 @@ TEST_F(Worker, StaysWhenAJobIsStopped) {
   WriteProblem(EasyProblem());
   EXPECT_EQ(RunJob(Calibration("session.yaml", "out")), "");
   EXPECT_EQ(Children(), worker);
+}
+
+TEST_F(Worker, StopsItsJobWhenTheWorkbenchHasDied) {
+  WriteProblem(LongProblem());
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
+  std::jthread worker([&] { workbench::ServeJobs(ends[1]); });
+  {
+    workbench::LineSocket workbench(ends[0]);
+    workbench.Send(Calibration(Path("session.yaml"), Path("out")));
+    (void)workbench.Receive(std::chrono::minutes(1));
+  }
+  worker.join();
+  EXPECT_FALSE(fs::exists(Path("out")));
 }
 
 TEST_F(Worker, SaysWhyAJobFailedAsTheCommandLineDoes) {
