@@ -433,6 +433,7 @@ void CompleteResults(const fs::path& path) {
     try {
       const OutputFolder completed(folder);
     } catch (const Error& failure) {
+      if (!IsAnnounced(folder)) continue;  // another process has completed them
       throw JobError(
           "{}: a killed run left its results half moved, and they cannot be "
           "completed: {}",

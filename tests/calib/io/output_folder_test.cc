@@ -9,10 +9,12 @@
 
 #include <fstream>
 #include <functional>
+#include <future>
 #include <map>
 #include <optional>
 #include <sstream>
 #include <string>
+#include <thread>
 
 #include "calib/base/error.h"
 #include "calib/io/detection_cache.h"
@@ -112,6 +114,15 @@ TEST_F(Results, AreNotReadWhereAnotherRunMovesThem) {
               AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
   EXPECT_THAT(MessageOf([&] { CompleteResults(out_); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
+}
+
+TEST_F(Results, MayBeCompletedByAnotherProcessMeanwhile) {
+  OutputFolder writer(out_);
+  LeaveHalfMoved();
+  auto completing = std::async(std::launch::async, [&] { CompleteResults(out_); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  fs::remove_all(out_ / ".partial");
+  EXPECT_NO_THROW(completing.get());
 }
 
 TEST_F(Results, OfTwoWritersAtATimeAreRefused) {
