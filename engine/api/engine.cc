@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "assess/verdict.h"
+#include "calib/base/format_error.h"
 #include "calib/estimate/summary.h"
 #include "calib/files/calibration_file.h"
 #include "engine/api/data.h"
@@ -98,6 +99,11 @@ Calibration CalibrationOf(Calibration::Data data) {
   return calibration;
 }
 
+const Calibration::Data& DataOf(const Calibration& calibration) {
+  if (calibration.data) return *calibration.data;
+  throw InputError("this calibration is empty; use one of Calibration::Read or CalibrateSession");
+}
+
 }  // namespace
 
 Session Session::Open(const std::string& path) {
@@ -170,7 +176,8 @@ std::vector<TriedModel> TrySession(const Session& session,
 
 Check CheckSession(const Calibration& calibration, const Session& session, const Run& run) {
   const CalibrationCheck found =
-      plenocal::CheckSession(session.data().session, calibration.data->record, CheckRequest(), run)
+      plenocal::CheckSession(
+          session.data().session, DataOf(calibration).record, CheckRequest(), run)
           .check;
   Check check{.valid = found.valid, .cameras = {}, .findings = FindingsOf(JudgeCheck(found))};
   for (const CameraCheck& camera : found.cameras) {
@@ -189,7 +196,7 @@ std::vector<Difference> CompareCalibrations(const Calibration& a,
                                             const Calibration& b,
                                             const std::vector<double>& distances) {
   const CalibrationComparison comparison =
-      plenocal::CompareCalibrations(a.data->record, b.data->record, distances);
+      plenocal::CompareCalibrations(DataOf(a).record, DataOf(b).record, distances);
   std::vector<Difference> differences;
   for (size_t c = 0; c < comparison.differences.size(); ++c) {
     const CameraDifference& camera = comparison.differences[c];
@@ -208,7 +215,7 @@ std::vector<Difference> CompareCalibrations(const Calibration& a,
 std::vector<SuggestedView> SuggestViews(const Calibration& calibration,
                                         const SuggestOptions& options,
                                         const Run& run) {
-  const auto& [record, target] = *calibration.data;
+  const auto& [record, target] = DataOf(calibration);
   SuggestRequest request;
   request.count = options.count;
   request.nearest = options.nearest;
@@ -242,7 +249,7 @@ std::vector<Location> LocateImages(const Calibration& calibration,
   request.given = ImagesInMemory(camera.empty() ? "image" : camera, ViewsOf(images));
   std::vector<Location> locations;
   for (const auto& [frame, located] :
-       plenocal::LocateImages(calibration.data->record, request, run)) {
+       plenocal::LocateImages(DataOf(calibration).record, request, run)) {
     Location& location =
         locations.emplace_back(Location{.frame = frame,
                                         .T_target_camera = MatrixOf(located.T_map_camera),

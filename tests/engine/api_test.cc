@@ -97,6 +97,14 @@ TEST(TheEngineForPrograms, SuggestsViewsThatLowerSigma) {
   EXPECT_THROW(api::SuggestViews(calibration, {.count = 0}), Error);
 }
 
+TEST(TheEngineForPrograms, RefusesACalibrationThatHoldsNothing) {
+  const api::Calibration nothing;
+  EXPECT_THROW(api::CheckSession(nothing, SessionOf(1)), Error);
+  EXPECT_THROW(api::CompareCalibrations(nothing, nothing), Error);
+  EXPECT_THROW(api::SuggestViews(nothing), Error);
+  EXPECT_THROW(api::LocateImages(nothing, "", kBoard, {}), Error);
+}
+
 TEST(TheEngineForPrograms, RefusesAViewOfMemoryByName) {
   const std::vector<std::uint8_t> pixels(640 * 480);
   const api::Image image{
