@@ -39,6 +39,16 @@ std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& cam
                            .sigma_B = camera.Sigma(B)};
 }
 
+std::filesystem::path FileBeside(const CalibrationRecord& calibration, const std::string& name) {
+  if (calibration.path.empty()) {
+    throw InputError(
+        "{}: this file of the camera is needed, but the calibration is in memory; calibrate into a "
+        "folder and read the calibration from there",
+        name);
+  }
+  return calibration.path.parent_path() / name;
+}
+
 Eigen::MatrixXd CovarianceOf(const std::vector<double>& sigma, const Eigen::MatrixXd& correlation) {
   const Eigen::Index count = correlation.rows();
   Eigen::MatrixXd covariance(count, count);

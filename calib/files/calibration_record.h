@@ -221,6 +221,10 @@ struct CalibrationRecord {
   [[nodiscard]] RigidTransform CameraFromTarget(size_t camera, int frame) const;
 };
 
+/// Path of a file beside calibration.yaml. Throws `Error` of kind kInput for a calibration in
+/// memory, which has none.
+std::filesystem::path FileBeside(const CalibrationRecord& calibration, const std::string& name);
+
 /// Covariance as `CalibratedCamera` holds it.
 Eigen::MatrixXd CovarianceOf(const std::vector<double>& sigma, const Eigen::MatrixXd& correlation);
 

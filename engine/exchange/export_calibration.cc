@@ -150,8 +150,7 @@ std::vector<std::filesystem::path> ExportCalibration(const CalibrationRecord& ca
   auto files = is_model ? format.write_model(calibration, IndicesOf(cameras, calibration))
                         : MakeFiles(calibration, cameras, format, request.out);
   if (format.holds_vignetting && !cameras[0].vignetting.empty()) {
-    files.emplace_back("vignette.png",
-                       VignettePng(calibration.path.parent_path() / cameras[0].vignetting));
+    files.emplace_back("vignette.png", VignettePng(FileBeside(calibration, cameras[0].vignetting)));
   }
   if (response) files.emplace_back("pcalib.txt", PcalibText(*response));
   return is_model ? WriteInto(request.out, files) : WriteOutputs(request.out, files);

@@ -53,7 +53,7 @@ class Resampler {
         remap_(resampling.map, resampling.settings.interpolation) {
     const std::string& vignetting = resampling.camera.vignetting;
     if (resampling.settings.keep_vignetting || vignetting.empty()) return;
-    const std::filesystem::path file = resampling.calibration.path.parent_path() / vignetting;
+    const std::filesystem::path file = FileBeside(resampling.calibration, vignetting);
     attenuation_ = ReadAttenuation(file);
     if (attenuation_.cols != size_[0] || attenuation_.rows != size_[1]) {
       throw InputError("{}: is {} pixels, but the camera's images are {}",

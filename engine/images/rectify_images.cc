@@ -134,7 +134,8 @@ EpipolarCheck CheckEpipolar(const CalibrationRecord& calibration,
   std::array<std::vector<View>, 2> views;
   for (size_t c = 0; c < 2; ++c) {
     check.files[c] = folder / DetectionsName(cameras[c]->name);
-    if (!fs::exists(check.files[c]) && request.detections.empty()) {
+    const bool is_in_memory = calibration.path.empty();
+    if (request.detections.empty() && (is_in_memory || !fs::exists(check.files[c]))) {
       check.missing = check.files[c];
       return check;
     }

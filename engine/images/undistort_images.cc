@@ -125,9 +125,10 @@ UndistortedImages UndistortPlenoptic(const UndistortJob& job) {
   views.scale = kScale;
   views.map = &map;
   views.raw_size = camera.image_size;
-  const std::filesystem::path folder = job.calibration.path.parent_path();
-  views.grid = folder / camera.micro_lenses;
-  if (!camera.vignetting.empty()) views.vignetting = folder / camera.vignetting;
+  views.grid = FileBeside(job.calibration, camera.micro_lenses);
+  if (!camera.vignetting.empty()) {
+    views.vignetting = FileBeside(job.calibration, camera.vignetting);
+  }
   views.bayer = job.request.settings.bayer;
   views.interpolation = job.request.settings.interpolation;
   views.cloud = !job.request.cloud.empty();

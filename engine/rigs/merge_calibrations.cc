@@ -86,7 +86,7 @@ void CopyCameraFiles(const std::vector<CalibrationRecord>& records,
       for (const CalibrationRecord& record : records) {
         for (const CalibratedCamera& other : record.cameras) {
           if (other.name != camera.name || (other.*member).empty()) continue;
-          file = record.path.parent_path() / (other.*member);
+          file = FileBeside(record, other.*member);
         }
       }
       if (file.empty()) continue;

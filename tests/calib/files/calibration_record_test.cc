@@ -159,6 +159,13 @@ void ExpectSame(const RigidTransform& a, const RigidTransform& b, double toleran
   EXPECT_LE((a.t - b.t).cwiseAbs().maxCoeff(), tolerance);
 }
 
+TEST(CalibrationRecordInMemory, HasNoFilesBesideIt) {
+  CalibrationRecord record;
+  EXPECT_THROW((void)FileBeside(record, "vignetting_left.tiff"), Error);
+  record.path = "runs/calibration.yaml";
+  EXPECT_EQ(FileBeside(record, "vignetting_left.tiff"), "runs/vignetting_left.tiff");
+}
+
 TEST_F(RecordFiles, KeepModelsParametersAndExtrinsicsExactly) {
   const CalibrationRecord record = Record(), again = Again(record);
   ASSERT_EQ(again.cameras.size(), 2);
