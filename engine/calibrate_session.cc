@@ -183,7 +183,12 @@ class CalibrationRun {
  private:
   Session Open() {
     if (request_.model != "auto") model_ = ModelNamed("--model", request_.model);
-    if (request_.session) return WithModels(*request_.session);
+    const CameraModel& first = model_ != nullptr ? *model_ : UsualModel();
+    if (request_.session) {
+      is_model_open_ = std::ranges::any_of(
+          request_.session->cameras, [](const auto& camera) { return camera.model == nullptr; });
+      return WithUsualModels(*request_.session, first);
+    }
     if (model_ != nullptr && (!model_->config.empty() || model_->plenoptic)) {
       throw InputError(
           "--model {}: needs more than images; write a session, for instance by 'plenocal init'",
@@ -191,17 +196,7 @@ class CalibrationRun {
     }
     images_.emplace(request_.images, request_.out, run_);
     target_ = images_->target();
-    return images_->With(model_ != nullptr ? *model_ : UsualModel(), {});
-  }
-
-  // A session in memory may leave the model open.
-  Session WithModels(Session session) {
-    for (SessionCamera& camera : session.cameras) {
-      if (camera.model != nullptr) continue;
-      is_model_open_ = true;
-      UseModel(model_ != nullptr ? *model_ : UsualModel(), &camera);
-    }
-    return session;
+    return images_->With(first, {});
   }
 
   // Chooses the model and whether the target is refined, where both are open.

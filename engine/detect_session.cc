@@ -35,6 +35,7 @@ void DetectShard(Session session,
                  const Shard& shard,
                  const Run& run) {
   const RunScope inputs;
+  session = WithUsualModels(std::move(session));
   UseOptions(options, &session);
   RefuseSeveralTargets(session, "detect --shard");
   const Target target = ReadTarget(session.target);

@@ -128,9 +128,9 @@ class Chooser {
 
 const CameraModel& UsualModel() { return *FindModel(CameraModels(), kUsual); }
 
-Session WithUsualModels(Session session) {
+Session WithUsualModels(Session session, const CameraModel& usual) {
   for (SessionCamera& camera : session.cameras) {
-    if (camera.model == nullptr) UseModel(UsualModel(), &camera);
+    if (camera.model == nullptr) UseModel(usual, &camera);
   }
   return session;
 }

@@ -28,8 +28,8 @@ ImageChoice ChooseByHeldOutFrames(const CameraModel* model,
 
 /// The model with which images are detected, and calibrated when they are too few for a choice.
 const CameraModel& UsualModel();
-/// The session with that model for the cameras in memory for which none is given.
-Session WithUsualModels(Session session);
+/// The session with `usual` for the cameras in memory for which no model is given.
+Session WithUsualModels(Session session, const CameraModel& usual = UsualModel());
 
 /// Gives the cameras the models and what else `session` has for them.
 void UseCamerasOf(const Session& session, SessionObservations* observations);

@@ -17,6 +17,7 @@
 
 #include "calib/base/error.h"
 #include "calib/files/calibration_file.h"
+#include "engine/detect_session.h"
 #include "engine/session/memory_session.h"
 #include "tests/engine/pinhole_board.h"
 
@@ -103,6 +104,20 @@ std::string RefusalOf(const std::vector<MemoryCamera>& cameras) {
     return error.what();
   }
   return "accepted";
+}
+
+TEST(SessionsInMemory, NeedNoModelForAShardOfTheirImages) {
+  const std::vector<std::uint8_t> pixels(640 * 480);
+  const PixelView black{.data = pixels.data(), .size = {640, 480}, .stride = 640};
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("plenocal_shard_" + std::to_string(getpid()));
+  SessionOptions options;
+  options.out = folder / "out";
+  options.cache = folder / "cache";
+  DetectShard(
+      SessionInMemory(kBoard, {{.name = "left", .images = {{"07", black}}}}), options, {}, {});
+  EXPECT_TRUE(std::filesystem::exists(folder / "out/shard.csv"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {
