@@ -123,8 +123,7 @@ struct Projection {
 
 class Judgement {
  public:
-  Judgement(const CalibrationRecord& calibration, std::span<const FindingCode> causes)
-      : calibration_(calibration), causes_(causes) {}
+  explicit Judgement(const CalibrationRecord& calibration) : calibration_(calibration) {}
 
   Verdict Make() {
     verdict_.findings = calibration_.findings;
@@ -220,6 +219,7 @@ class Judgement {
                                                                            : Grade::kGood;
     AddTo(camera,
           {.code = "projection",
+           .follows_from_noise = true,
            .grade = grade,
            .value = grade == Grade::kBad ? here.half : here.most,
            .limit = grade == Grade::kBad ? kWholePixelError : limit,
@@ -259,6 +259,7 @@ class Judgement {
       const bool bad = camera.fit.views < kViewsBad && spread.is_plane;
       AddTo(camera,
             {.code = "few_images",
+             .role = FindingRole::kCause,
              .grade = bad ? Grade::kBad : Grade::kUsable,
              .value = camera.fit.views,
              .limit = bad ? kViewsBad : kViewsUsable,
@@ -320,6 +321,7 @@ class Judgement {
     AddTo(
         camera,
         {.code = one ? "one_distance" : "few_distances",
+         .role = one ? FindingRole::kOpenPoses : FindingRole::kConsequence,
          .grade = GradeOf(spread, projection),
          .value = span,
          .limit = one ? kDepthOne : kDepthWeak,
@@ -339,6 +341,7 @@ class Judgement {
     AddTo(
         camera,
         {.code = none ? "no_tilt" : "little_tilt",
+         .role = none ? FindingRole::kOpenPoses : FindingRole::kConsequence,
          .grade = GradeOf(spread, projection),
          .value = spread.tilt,
          .limit = none ? kTiltNone : kTiltWeak,
@@ -368,6 +371,7 @@ class Judgement {
                                             : Grade::kGood;
       AddTo(camera,
             {.code = "noise_excess",
+             .follows_from_noise = true,
              .grade = grade,
              .value = excess,
              .limit = grade == Grade::kBad ? bad : usable,
@@ -388,6 +392,7 @@ class Judgement {
     AddTo(
         camera,
         {.code = "many_outliers",
+         .follows_from_noise = true,
          .grade = Grade::kUsable,
          .value = static_cast<double>(fit.rejected) / all,
          .limit = kRejected,
@@ -444,29 +449,23 @@ class Judgement {
     verdict_.findings = std::move(merged);
   }
 
-  [[nodiscard]] FindingRole RoleOf(const Finding& finding) const {
-    return FindCode(finding.code, causes_).role;
+  static bool IsCause(const Finding& finding) {
+    return finding.grade != Grade::kGood && finding.role >= FindingRole::kCause;
   }
 
-  [[nodiscard]] bool IsCause(const Finding& finding) const {
-    return finding.grade != Grade::kGood && RoleOf(finding) >= FindingRole::kCause;
-  }
-
-  [[nodiscard]] bool CanExplain(const Finding& cause, const Finding& other) const {
-    if (IsCause(other) || RoleOf(other) == FindingRole::kImageDefect) return false;
-    return RoleOf(cause) == FindingRole::kImageDefect
-               ? FindCode(other.code, causes_).follows_from_noise
-               : IsCause(cause);
+  static bool CanExplain(const Finding& cause, const Finding& other) {
+    if (IsCause(other) || other.role == FindingRole::kImageDefect) return false;
+    return cause.role == FindingRole::kImageDefect ? other.follows_from_noise : IsCause(cause);
   }
 
   // Moves causes in front of their consequences and of what is no cause; the order stays otherwise.
   void SortFindings() {
     // Poses that the images leave undetermined disagree between the cameras of a rig as well.
     const bool open_poses = std::ranges::any_of(verdict_.findings, [&](const Finding& finding) {
-      return IsCause(finding) && RoleOf(finding) == FindingRole::kOpenPoses;
+      return IsCause(finding) && finding.role == FindingRole::kOpenPoses;
     });
     const auto rank = [&](const Finding& finding) {
-      const FindingRole role = RoleOf(finding);
+      const FindingRole role = finding.role;
       if (IsCause(finding) && !(open_poses && role == FindingRole::kRigCause)) return 3;
       return role == FindingRole::kImageDefect ? 2 : role == FindingRole::kOutlier ? 1 : 0;
     };
@@ -488,7 +487,6 @@ class Judgement {
   static constexpr const char* kMakesUp = " The target's own depth has to compensate for it.";
 
   const CalibrationRecord& calibration_;
-  std::span<const FindingCode> causes_;
   std::vector<Projection> projections_;  // by camera
   Verdict verdict_;
 };
@@ -501,9 +499,7 @@ bool HasUnexplainedResiduals(const CalibratedCamera& camera) {
          (IsPattern(camera, pattern) && pattern > kExactProjection);
 }
 
-Verdict Judge(const CalibrationRecord& calibration, std::span<const FindingCode> causes) {
-  return Judgement(calibration, causes).Make();
-}
+Verdict Judge(const CalibrationRecord& calibration) { return Judgement(calibration).Make(); }
 
 std::string Headline(const Verdict& verdict) {
   switch (verdict.grade) {

@@ -5,10 +5,8 @@
 // points), and the causes that are known.
 #pragma once
 
-#include <span>
 #include <string>
 
-#include "assess/finding_role.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/finding.h"
 
@@ -16,9 +14,8 @@ namespace plenocal {
 
 /// The grade of a calibration with its findings: those in `calibration.findings`, which the
 /// estimation and the tests for causes have made, and those of this function. A cause has the grade
-/// of the worst consequence that it explains. The same finding of several cameras is one. `causes`:
-/// roles of the codes that tests for causes give.
-Verdict Judge(const CalibrationRecord& calibration, std::span<const FindingCode> causes = {});
+/// of the worst consequence that it explains. The same finding of several cameras is one.
+Verdict Judge(const CalibrationRecord& calibration);
 
 /// Whether a camera's residuals are larger than its detector's noise, or have a pattern over the
 /// image, by more than a tenth of a pixel: something does not describe the images.

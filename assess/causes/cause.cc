@@ -16,15 +16,4 @@ std::vector<Finding> FindCauses(CauseStage stage, const CauseEvidence& evidence)
   return findings;
 }
 
-std::span<const FindingCode> CauseCodes() {
-  static const std::vector<FindingCode> kCodes = [] {
-    std::vector<FindingCode> codes;
-    for (const Cause& cause : Causes()) {
-      codes.insert(codes.end(), cause.codes.begin(), cause.codes.end());
-    }
-    return codes;
-  }();
-  return kCodes;
-}
-
 }  // namespace plenocal

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "assess/causes/view_rows.h"
-#include "assess/finding_role.h"
 #include "calib/camera/image_traits.h"
 #include "calib/camera/target_hypothesis.h"
 #include "calib/estimate/calibrate.h"
@@ -52,11 +51,10 @@ struct CauseEvidence {
 /// One cause, or several that one test tells apart.
 struct Cause {
   CauseStage stage = CauseStage::kPoints;
-  /// Tests for the cause: findings with code, grade and text, none if the data do not show it.
-  /// `FindCauses` adds the camera in stages of one camera. False-alarm rates are at most 1e-3 per
-  /// camera.
+  /// Tests for the cause: findings with code, role, grade and text, none if the data do not show
+  /// it. `FindCauses` adds the camera in stages of one camera. False-alarm rates are at most 1e-3
+  /// per camera.
   std::vector<Finding> (*find)(const CauseEvidence& evidence) = nullptr;
-  std::vector<FindingCode> codes = {};  ///< of all its findings, with their roles
 };
 
 /// All causes in alphabetical order of their files. Findings of one stage have the same order.
@@ -64,8 +62,5 @@ std::span<const Cause> Causes();
 
 /// Findings of all causes of a stage.
 std::vector<Finding> FindCauses(CauseStage stage, const CauseEvidence& evidence);
-
-/// The codes of all causes.
-std::span<const FindingCode> CauseCodes();
 
 }  // namespace plenocal

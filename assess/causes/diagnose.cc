@@ -16,10 +16,8 @@
 namespace plenocal {
 namespace {
 
-FindingRole RoleOf(const Finding& finding) { return FindCode(finding.code, CauseCodes()).role; }
-
 bool IsDefect(const Finding& finding, FindingRole role) {
-  return finding.grade != Grade::kGood && RoleOf(finding) == role;
+  return finding.grade != Grade::kGood && finding.role == role;
 }
 
 bool IsTargetCause(const Finding& finding) {
@@ -86,7 +84,7 @@ void DropConsequences(const LensCauses& causes, CalibrationRecord* record) {
   });
   if (!all) return;
   std::erase_if(record->findings, [](const Finding& finding) {
-    return IsTargetCause(finding) || RoleOf(finding) == FindingRole::kRigCause;
+    return IsTargetCause(finding) || finding.role == FindingRole::kRigCause;
   });
 }
 
@@ -148,14 +146,14 @@ void Diagnose(const CalibrationInput& input,
     // Motion by rows is tested on what is not the same in all frames, and it explains more than
     // half of all residuals. Images upside down do not agree with any target.
     const bool is_image = std::ranges::any_of(
-        findings, [](const Finding& f) { return RoleOf(f) == FindingRole::kImageDistortion; });
+        findings, [](const Finding& f) { return f.role == FindingRole::kImageDistortion; });
     if (bent && !is_image && !IsLensInstead(*bent, lenses)) {
       findings.push_back(std::move(bent->finding));
       lenses.clear();
     }
     AddLensCauses(std::move(lenses), &findings);
   }
-  record->verdict = Judge(*record, CauseCodes());
+  record->verdict = Judge(*record);
 }
 
 }  // namespace plenocal

@@ -73,6 +73,7 @@ std::optional<LensCause> FindLensCause(const CalibrationInput& input,
   const bool linear = !HasDistortion(*camera.model);
   return LensCause{
       {.code = linear ? "strong_distortion_pinhole" : "model_misfit",
+       .role = FindingRole::kCause,
        .grade = Grade::kUsable,
        .cameras = {camera.name},
        .value = own,

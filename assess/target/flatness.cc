@@ -175,6 +175,7 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
   const Shape shape = ShapeOf(free->bundle, *plane);
   Finding finding{
       .code = "target_not_flat",
+      .role = FindingRole::kTargetCause,
       .grade = largest < kWholePixel ? Grade::kUsable : Grade::kBad,
       .cameras = cameras,
       .value = largest,

@@ -27,6 +27,7 @@ Finding FindingOfSystematicErrors(const std::string& camera, double ratio) {
 
 Finding FindingOfOnePose(size_t frames) {
   return {.code = "one_pose",
+          .role = FindingRole::kOpenPoses,
           .grade = Grade::kUsable,
           .cameras = {},
           .value = static_cast<double>(frames),
@@ -37,6 +38,7 @@ Finding FindingOfOnePose(size_t frames) {
 
 Finding FindingOfMisfit(const std::string& camera, const std::string& misfit) {
   return {.code = "model_misfit",
+          .role = FindingRole::kCause,
           .grade = Grade::kBad,
           .cameras = {camera},
           .what = misfit + ".",

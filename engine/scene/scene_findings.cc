@@ -131,6 +131,7 @@ class SceneFindings {
     });
     findings_.push_back(
         {.code = "scene_no_scale",
+         .role = FindingRole::kCause,
          .grade = matters ? Grade::kBad : Grade::kGood,
          .what = fmt::format("No scale: all lengths ({}) are known up to one common factor.",
                              matters ? "B of a plenoptic camera, translations in the rig, poses, "
@@ -145,6 +146,7 @@ class SceneFindings {
     const double near = Quantile(depths, 0.02), far = Quantile(depths, 0.98);
     if (!(near > 0) || far / near >= kOneDepth) return;
     findings_.push_back({.code = "scene_one_depth",
+                         .role = FindingRole::kCause,
                          .grade = GradeOfDefect(),
                          .cameras = {NameOf(c)},
                          .value = far / near,
@@ -163,6 +165,7 @@ class SceneFindings {
                moves = extent_.motion >= kLeastMotion * distance;
     if (!turns) {
       findings_.push_back({.code = "scene_no_turning",
+                           .role = FindingRole::kCause,
                            .grade = GradeOfDefect(),
                            .cameras = {NameOf(c)},
                            .value = extent_.turn,
@@ -176,6 +179,7 @@ class SceneFindings {
     }
     if (!moves) {
       findings_.push_back({.code = "scene_no_parallax",
+                           .role = FindingRole::kCause,
                            .grade = GradeOfDefect(),
                            .cameras = {NameOf(c)},
                            .value = extent_.motion / distance,

@@ -25,6 +25,7 @@ std::vector<Finding> FindFewPoints(const CauseEvidence& evidence) {
   const size_t typical = Median(counts, kLeast);
   if (typical >= kLeast) return {};
   return {{.code = "few_points",
+           .role = FindingRole::kCause,
            .grade = Grade::kUsable,
            .value = static_cast<double>(typical),
            .limit = static_cast<double>(kLeast),
@@ -34,8 +35,6 @@ std::vector<Finding> FindFewPoints(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause FewPointsCause() {
-  return {CauseStage::kPoints, FindFewPoints, {{"few_points", FindingRole::kCause}}};
-}
+Cause FewPointsCause() { return {CauseStage::kPoints, FindFewPoints}; }
 
 }  // namespace plenocal

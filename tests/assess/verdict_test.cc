@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assess/causes/cause.h"
 #include "assess/causes/diagnose.h"
 #include "calib/estimate/describe.h"
 #include "models/registry.h"
@@ -266,10 +265,14 @@ TEST(Verdict, MergesOneFindingOfSeveralCameras) {
 
 TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
   CalibrationRecord record;
+  const auto cause = [](const char* code, const char* camera) -> Finding {
+    return {
+        .code = code, .role = FindingRole::kCause, .grade = Grade::kUsable, .cameras = {camera}};
+  };
   record.findings = {{.code = "noise_excess", .grade = Grade::kBad, .cameras = {"left"}},
-                     {.code = "rolling_shutter", .grade = Grade::kUsable, .cameras = {"left"}},
-                     {.code = "focus_changed", .grade = Grade::kUsable, .cameras = {"right"}}};
-  const Verdict verdict = Judge(record, CauseCodes());
+                     cause("rolling_shutter", "left"),
+                     cause("focus_changed", "right")};
+  const Verdict verdict = Judge(record);
   EXPECT_EQ(verdict.findings[0].code, "rolling_shutter");
   EXPECT_EQ(verdict.findings[0].grade, Grade::kBad);
   EXPECT_EQ(verdict.findings.back().grade, Grade::kUsable);

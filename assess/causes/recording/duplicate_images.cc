@@ -104,6 +104,7 @@ std::vector<Finding> FindDuplicates(const CauseEvidence& evidence) {
                                 calibration.frames[static_cast<size_t>(b)]));
   }
   return {{.code = "duplicate_images",
+           .role = FindingRole::kOutlier,
            .grade = Grade::kUsable,
            .value = static_cast<double>(pairs.size()),
            .limit = 1,
@@ -117,8 +118,6 @@ std::vector<Finding> FindDuplicates(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause DuplicateImagesCause() {
-  return {CauseStage::kImages, FindDuplicates, {{"duplicate_images", FindingRole::kOutlier}}};
-}
+Cause DuplicateImagesCause() { return {CauseStage::kImages, FindDuplicates}; }
 
 }  // namespace plenocal

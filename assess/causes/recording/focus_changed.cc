@@ -55,6 +55,7 @@ std::vector<Finding> FindFocusChange(const CauseEvidence& evidence) {
   const double change = split.step[0];
   const int frame = zooms.frames[static_cast<size_t>(split.first)];
   return {{.code = "focus_changed",
+           .role = FindingRole::kCause,
            .grade = Grade::kUsable,
            .value = change,
            .limit = 0,
@@ -70,8 +71,6 @@ std::vector<Finding> FindFocusChange(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause FocusChangedCause() {
-  return {CauseStage::kMotion, FindFocusChange, {{"focus_changed", FindingRole::kCause}}};
-}
+Cause FocusChangedCause() { return {CauseStage::kMotion, FindFocusChange}; }
 
 }  // namespace plenocal

@@ -47,6 +47,8 @@ std::vector<Finding> FindFrameOutliers(const CauseEvidence& evidence) {
   // Many are no exceptions.
   if (names.empty() || 4 * names.size() > all.size()) return {};
   return {{.code = "frame_outlier",
+           .role = FindingRole::kOutlier,
+           .follows_from_noise = true,
            .grade = Grade::kUsable,
            .value = worst,
            .limit = std::exp(limit),
@@ -62,8 +64,6 @@ std::vector<Finding> FindFrameOutliers(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause FrameOutlierCause() {
-  return {CauseStage::kMotion, FindFrameOutliers, {{"frame_outlier", FindingRole::kOutlier, true}}};
-}
+Cause FrameOutlierCause() { return {CauseStage::kMotion, FindFrameOutliers}; }
 
 }  // namespace plenocal

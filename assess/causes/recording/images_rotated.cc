@@ -113,6 +113,7 @@ std::vector<Finding> FindRotatedImages(const CauseEvidence& evidence) {
   }
   if (names.empty()) return {};
   return {{.code = "images_rotated",
+           .role = FindingRole::kImageDistortion,
            .grade = Grade::kUsable,
            .value = static_cast<double>(names.size()),
            .limit = 1,
@@ -128,9 +129,6 @@ std::vector<Finding> FindRotatedImages(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause ImagesRotatedCause() {
-  return {
-      CauseStage::kPoints, FindRotatedImages, {{"images_rotated", FindingRole::kImageDistortion}}};
-}
+Cause ImagesRotatedCause() { return {CauseStage::kPoints, FindRotatedImages}; }
 
 }  // namespace plenocal

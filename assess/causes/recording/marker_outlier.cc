@@ -61,6 +61,7 @@ std::vector<Finding> FindMarkerOutliers(const CauseEvidence& evidence) {
   }
   if (names.empty() || static_cast<double>(names.size()) > kFewMarkers * shares.size()) return {};
   return {{.code = "marker_outlier",
+           .role = FindingRole::kOutlier,
            .grade = Grade::kUsable,
            .value = worst,
            .limit = kMostPoints,
@@ -73,8 +74,6 @@ std::vector<Finding> FindMarkerOutliers(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause MarkerOutlierCause() {
-  return {CauseStage::kPoints, FindMarkerOutliers, {{"marker_outlier", FindingRole::kOutlier}}};
-}
+Cause MarkerOutlierCause() { return {CauseStage::kPoints, FindMarkerOutliers}; }
 
 }  // namespace plenocal

@@ -29,10 +29,6 @@ std::vector<Finding> FindOrientationTags(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause OrientationTagCause() {
-  return {CauseStage::kImageFile,
-          FindOrientationTags,
-          {{"orientation_tag", FindingRole::kConsequence}}};
-}
+Cause OrientationTagCause() { return {CauseStage::kImageFile, FindOrientationTags}; }
 
 }  // namespace plenocal

@@ -85,6 +85,7 @@ std::vector<Finding> FindBorderPoints(const CauseEvidence& evidence) {
   }
   if (worst.probability > kBorderLevel / kWidths.size()) return {};
   return {{.code = "border_points",
+           .role = FindingRole::kOutlier,
            .grade = Grade::kUsable,
            .value = worst.ratio,
            .limit = kPlainlyWorse,
@@ -98,8 +99,6 @@ std::vector<Finding> FindBorderPoints(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause PointsAtBorderCause() {
-  return {CauseStage::kPoints, FindBorderPoints, {{"border_points", FindingRole::kOutlier}}};
-}
+Cause PointsAtBorderCause() { return {CauseStage::kPoints, FindBorderPoints}; }
 
 }  // namespace plenocal

@@ -117,6 +117,7 @@ double Displacement(const Bundle& bundle) {
 
 Finding Misaligned(const std::string& master, const std::string& camera, int offset) {
   return {.code = "frames_misaligned",
+          .role = FindingRole::kCause,
           .grade = Grade::kBad,
           .cameras = {camera},
           .value = offset,
@@ -151,6 +152,7 @@ std::vector<Finding> FindRigMotion(const CauseEvidence& evidence) {
   const double displacement = Displacement(bundle);
   findings.push_back(
       {.code = moved ? "rig_not_rigid" : "not_synchronous",
+       .role = FindingRole::kRigCause,
        .grade = displacement > kBadDisagreement ? Grade::kBad : Grade::kUsable,
        .cameras = {},
        .value = displacement,
@@ -172,12 +174,6 @@ std::vector<Finding> FindRigMotion(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause RigMotionCause() {
-  return {CauseStage::kRig,
-          FindRigMotion,
-          {{"frames_misaligned", FindingRole::kCause},
-           {"not_synchronous", FindingRole::kRigCause},
-           {"rig_not_rigid", FindingRole::kRigCause}}};
-}
+Cause RigMotionCause() { return {CauseStage::kRig, FindRigMotion}; }
 
 }  // namespace plenocal

@@ -48,6 +48,7 @@ std::vector<Finding> FindRollingShutter(const CauseEvidence& evidence) {
   const double moved =
       std::sqrt((gain - by_noise) / squares) * calibration.fits[evidence.camera].rms;
   return {{.code = "rolling_shutter",
+           .role = FindingRole::kImageDistortion,
            .grade = Grade::kUsable,
            .value = moved,
            .limit = 0,
@@ -61,10 +62,6 @@ std::vector<Finding> FindRollingShutter(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause RollingShutterCause() {
-  return {CauseStage::kMotion,
-          FindRollingShutter,
-          {{"rolling_shutter", FindingRole::kImageDistortion}}};
-}
+Cause RollingShutterCause() { return {CauseStage::kMotion, FindRollingShutter}; }
 
 }  // namespace plenocal

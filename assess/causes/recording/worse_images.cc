@@ -182,6 +182,7 @@ const std::array<ImageDefect, 3>& ImageDefects() {
 
 Finding MakeFinding(const ImageDefect& defect, const WorseImages& worse) {
   return {.code = defect.code,
+          .role = FindingRole::kImageDefect,
           .grade = Grade::kGood,
           .value = worse.noise / worse.usual_noise,
           .limit = 1,
@@ -223,12 +224,6 @@ std::vector<Finding> FindWorseImages(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause WorseImagesCause() {
-  return {CauseStage::kNoise,
-          FindWorseImages,
-          {{"blurred_images", FindingRole::kImageDefect},
-           {"saturated_images", FindingRole::kImageDefect},
-           {"few_pixels", FindingRole::kImageDefect}}};
-}
+Cause WorseImagesCause() { return {CauseStage::kNoise, FindWorseImages}; }
 
 }  // namespace plenocal

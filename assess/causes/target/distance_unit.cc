@@ -54,6 +54,7 @@ std::vector<Finding> FindWrongUnit(const CauseEvidence& evidence) {
     const double factor = large ? unit.metres : 1 / unit.metres;
     if (!IsUsual(factor * size, factor * distance)) continue;
     return {{.code = "target_scale",
+             .role = FindingRole::kTargetCause,
              .grade = Grade::kBad,
              .cameras = {},
              .value = distance,
@@ -72,8 +73,6 @@ std::vector<Finding> FindWrongUnit(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause DistanceUnitCause() {
-  return {CauseStage::kTarget, FindWrongUnit, {{"target_scale", FindingRole::kTargetCause}}};
-}
+Cause DistanceUnitCause() { return {CauseStage::kTarget, FindWrongUnit}; }
 
 }  // namespace plenocal

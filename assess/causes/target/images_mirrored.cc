@@ -50,6 +50,7 @@ std::vector<Finding> FindMirroredImages(const CauseEvidence& evidence) {
     const std::string& name = calibration.bundle.cameras[c].name;
     findings.push_back(
         {.code = "images_mirrored",
+         .role = FindingRole::kCause,
          .grade = Grade::kBad,
          .cameras = {name},
          .value = part,
@@ -70,8 +71,6 @@ std::vector<Finding> FindMirroredImages(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause ImagesMirroredCause() {
-  return {CauseStage::kTarget, FindMirroredImages, {{"images_mirrored", FindingRole::kCause}}};
-}
+Cause ImagesMirroredCause() { return {CauseStage::kTarget, FindMirroredImages}; }
 
 }  // namespace plenocal

@@ -326,6 +326,7 @@ class Sorting {
   double tolerance_;
   double noise_ = 0;  // of a piece in one view, px
   Defect twice_{.finding = {.code = "target_ids_twice",
+                            .role = FindingRole::kTargetResiduals,
                             .grade = Grade::kBad,
                             .limit = 2,
                             .what = "now in one place, now in another",
@@ -333,12 +334,14 @@ class Sorting {
                                       "another"},
                 .parts = {}};
   Defect order_{.finding = {.code = "target_corner_order",
+                            .role = FindingRole::kTargetCause,
                             .grade = Grade::kBad,
                             .what = "corners in another order than the target's file says",
                             .remedy = "write the corners of these tags in the order lower left, "
                                       "lower right, upper right, upper left of the upright tag"},
                 .parts = {}};
   Defect size_{.finding = {.code = "target_tag_size",
+                           .role = FindingRole::kTargetResiduals,
                            .grade = Grade::kBad,
                            .what = "other sizes than the target's file says, relative to the other "
                                    "tags",
@@ -346,6 +349,7 @@ class Sorting {
                                      "the stated size, or leave them out"},
                .parts = {}};
   Defect moved_{.finding = {.code = "target_marker_moved",
+                            .role = FindingRole::kTargetResiduals,
                             .grade = Grade::kUsable,
                             .what = "not where the target's file says, relative to all others",
                             .remedy = "measure and correct these positions in the target's file, "
@@ -495,12 +499,6 @@ std::vector<Finding> FindMovedMarkers(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause MarkerOffsetsCause() {
-  return {CauseStage::kTarget,
-          FindMovedMarkers,
-          {{"target_ids_twice", FindingRole::kTargetResiduals},
-           {"target_marker_moved", FindingRole::kTargetResiduals},
-           {"target_tag_size", FindingRole::kTargetResiduals}}};
-}
+Cause MarkerOffsetsCause() { return {CauseStage::kTarget, FindMovedMarkers}; }
 
 }  // namespace plenocal

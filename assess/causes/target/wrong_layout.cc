@@ -316,6 +316,7 @@ Finding NumberFinding(const TargetNumber& number, const Estimate& estimate) {
   const std::string value = Rounded(estimate.value, estimate.sigma);
   return {
       .code = number.code,
+      .role = FindingRole::kTargetCause,
       .grade = Grade::kBad,
       .cameras = {},
       .value = estimate.value,
@@ -332,6 +333,7 @@ Finding NumberFinding(const TargetNumber& number, const Estimate& estimate) {
 
 Finding HypothesisFinding(const TargetHypothesis& hypothesis, double ratio) {
   return {.code = hypothesis.code,
+          .role = FindingRole::kTargetCause,
           .grade = Grade::kBad,
           .cameras = {},
           .value = std::sqrt(ratio),
@@ -515,6 +517,7 @@ std::optional<Finding> FindTargetTwice(const std::vector<CameraInput>& cameras,
   }
   return Finding{
       .code = "target_ids_twice",
+      .role = FindingRole::kTargetResiduals,
       .grade = Grade::kBad,
       .cameras = {},
       .value = static_cast<double>(twice),
@@ -537,11 +540,6 @@ std::vector<Finding> FindWrongLayout(const CauseEvidence& evidence) {
 
 }  // namespace
 
-Cause WrongLayoutCause() {
-  return {CauseStage::kLayout,
-          FindWrongLayout,
-          {{"target_layout", FindingRole::kTargetCause},
-           {"target_ids_twice", FindingRole::kTargetResiduals}}};
-}
+Cause WrongLayoutCause() { return {CauseStage::kLayout, FindWrongLayout}; }
 
 }  // namespace plenocal

@@ -59,15 +59,6 @@ TEST(Causes, AreNoneOfTheTruth) {
   }
 }
 
-TEST(Causes, HaveDifferentRolesForDifferentCodes) {
-  for (const FindingCode& code : CauseCodes()) {
-    EXPECT_EQ(FindCode(code.code, CauseCodes()).role, code.role) << code.code;
-  }
-  EXPECT_EQ(FindCode("target_of_tomorrow", CauseCodes()).role, FindingRole::kTargetCause);
-  EXPECT_EQ(FindCode("one_pose", {}).role, FindingRole::kOpenPoses);
-  EXPECT_EQ(FindCode("time_shift", {}).role, FindingRole::kConsequence);
-}
-
 TEST(DuplicateImages, CountsCopiesAndNamesTheirFrames) {
   Recording recording(910);
   auto& observations = recording.calibration.bundle.observations;

@@ -135,15 +135,18 @@ TEST(ImageCauses, AreNamedFirstWhereTheCalibrationIsWorseForThem) {
 }
 
 TEST(ImageCauses, GetTheGradeOfWhatNoiseMakesWorse) {
-  const Finding blurred{.code = "blurred_images", .cameras = {"left"}};
-  for (const char* code : {"projection", "noise_excess", "coverage", "no_tilt"}) {
+  const Finding blurred{
+      .code = "blurred_images", .role = FindingRole::kImageDefect, .cameras = {"left"}};
+  for (const bool follows : {true, false}) {
     CalibrationRecord record;
-    record.findings = {{.code = code, .grade = Grade::kBad, .cameras = {"left"}}, blurred};
-    const Verdict verdict = Judge(record, CauseCodes());
-    const bool by_noise = CodesOf(verdict.findings).front() == "blurred_images";
-    EXPECT_EQ(by_noise, std::string(code) == "projection" || std::string(code) == "noise_excess");
+    record.findings = {{.code = "noise_excess",
+                        .follows_from_noise = follows,
+                        .grade = Grade::kBad,
+                        .cameras = {"left"}},
+                       blurred};
+    EXPECT_EQ(CodesOf(Judge(record).findings).front() == "blurred_images", follows);
     record.findings[0].grade = Grade::kGood;
-    EXPECT_EQ(Judge(record, CauseCodes()).grade, Grade::kGood);
+    EXPECT_EQ(Judge(record).grade, Grade::kGood);
   }
 }
 
