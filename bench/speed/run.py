@@ -151,6 +151,11 @@ CAMERA = """  {}:
     xi_camera_rig: [{}, 0, 0, 0, 0, 0]
     detection_sigma: 0.2
 """
+LARGE_CAMERA = """  left:
+    model: pinhole-radtan
+    image_size: [4000, 3000]
+    parameters: {f_x: 3100, f_y: 3100, c_x: 2000, c_y: 1500, k_1: -0.2, k_2: 0.05, p_1: 0.0005, p_2: -0.0003}
+"""
 PLENOPTIC = """plenocal: 1
 seed: 7
 target: {target}
@@ -230,6 +235,41 @@ def white(programs, temp, options):
     table(["", "CPU s", "wall s", "peak MB"], rows)
 
 
+def floors(programs, temp, options):
+    """Images to results, beside what the same images cost at least; the programs take turns."""
+    tags, boards, raw = temp / "stereo_tags", temp / "large_boards", temp / "raw"
+    tags.mkdir()
+    run(programs, programs / "bench/render_tags", options.pairs, tags)
+    spec = f"plenocal: 1\nseed: 3\ntarget: board.yaml\nposes: {{frames: 20, distance: [0.5, 0.9]}}\ncameras:\n{LARGE_CAMERA}"
+    simulate(programs, boards, {"spec.yaml": spec, "board.yaml": BOARD.format(10, 7, 0.03)})
+    run(programs, programs / "bench/read_images", "--jpeg", *(boards / "left").glob("*.png"))
+    (boards / "session.yaml").write_text("plenocal: 1\ntarget: target.yaml\ncameras:\n  left: {model: pinhole-radtan, images: left/*.jpg}\n")
+    simulate(programs, raw, {"spec.yaml": PLENOPTIC.format(target=ROOT / "examples/simulate/target.yaml")})
+    white = sorted((raw / "plenoptic_white").glob("*.png"))
+
+    def calibrate(folder):
+        return ["calibrate", folder / "session.yaml", "-o", folder / "out", "--fresh"]
+
+    def read(files):
+        return lambda: float(run(programs, programs / "bench/read_images", *files)[0])
+
+    rows = []
+    for name, command, other, other_seconds, aim in [
+            (f"{options.pairs} stereo pairs of tags: `calibrate`", calibrate(tags), "OpenCV: ArUco, sub-pixel, `stereoCalibrate`",
+             lambda: run(programs, programs / "bench/opencv_tags", tags)[2], 0.9),
+            ("20 chessboards of 12 megapixels, JPEG: `calibrate`", calibrate(boards), "reading",
+             read(sorted((boards / "left").glob("*.jpg"))), 2.5),
+            ("4 megapixels, ten white images: `focus`",
+             ["focus", *sorted((raw / "plenoptic").glob("*.png")), "--white", *white, "-o", raw / "focus"], "reading",
+             read([*(raw / "plenoptic").glob("*.png"), *white]), 4)]:
+        samples = [(run(programs, programs / "apps/plenocal", *command, "--quiet")[2], other_seconds()) for _ in range(options.repeat)]
+        own, least = (statistics.median(column) for column in zip(*samples))
+        rows.append([name, number(own, 2), other, number(least, 2), ratio(own, least), f"{aim}"])
+    print(f"## Images to results: CPU s of whole processes beside a floor, median of {options.repeat}\n")
+    print("Reading by `cv::imread` without start-up.\n")
+    table(["", "CPU s", "floor", "CPU s", "ratio", "aim"], rows)
+
+
 def large(programs, temp, options):
     print("## Large sets: a stereo pair and a board of 17 x 11 markers, free markers, all sigmas\n")
     rows = []
@@ -268,7 +308,7 @@ def plenoptic(programs, temp, options):
            "CPU s", "us a point and iteration"], rows)
 
 
-PARTS = [solves, large, images, boards, focus, white, plenoptic]
+PARTS = [solves, large, images, boards, floors, focus, white, plenoptic]
 
 
 def main():
