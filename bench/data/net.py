@@ -4,9 +4,12 @@
 
     bench/net record  PROGRAM RESULTS   # runs all cases with PROGRAM, keeps what they write in the folder RESULTS
     bench/net compare PROGRAM RESULTS   # runs them with another PROGRAM; exit status 1 when something differs
+    bench/net compare RESULTS RESULTS   # compares two records
 
 Numbers must agree to 1e-9 of their size, all else to the letter; what was renamed on purpose stands in RENAMED, texts
-for people are in PROSE and not compared. Real sets are read from the folder in PLENOCAL_DATA.
+for people are in PROSE and not compared. With --in-sigmas an estimate may move by 1e-4 of the standard error that stands
+beside it, and other numbers by 1e-5 of their size or of the largest one in their list or column; whole numbers, words
+and all that is chosen stay the same but for the iterations. Real sets are read from the folder in PLENOCAL_DATA.
 """
 import csv
 import hashlib
@@ -31,6 +34,10 @@ TOLERANCE = 1e-9
 # Differences of numbers that are rounding of larger ones: below this part of the largest number in the same list or
 # column a number counts as zero.
 ROUNDING = 1e-12
+# With --in-sigmas: of a standard error; of other numbers.
+OF_SIGMA, OF_OTHERS = 1e-4, 1e-5
+# Estimates in YAML and JSON files and their standard errors in the same map; of others `sigma_` stands before the name.
+SIGMAS = {"parameters": "sigma", "markers": "sigma", "value": "sigma", "xi_camera_rig": "sigma_xi", "xi_target_own": "sigma_xi"}
 
 # Keys of YAML and JSON files and columns of CSV files: name before -> name now; "file: name" for one file alone.
 RENAMED = {"residuals.csv: sigma": "noise_sigma"}
@@ -157,33 +164,55 @@ class Cases:
                  trajectories / "freiburg1_xyz-groundtruth.txt", "--json", kept="evaluate.json")
 
 
+def is_whole(text):
+    return bool(re.fullmatch(r"[-+]?\d+", text.strip()))
+
+
 class Differences(list):
-    def number(self, place, a, b, size=0.0):
+    def __init__(self, in_sigmas):
+        super().__init__()
+        self.in_sigmas = in_sigmas
+        self.name = ""  # of the file at work
+        self.largest = {}  # by file: largest shift in sigmas, its place
+
+    def number(self, place, a, b, size=0.0, sigma=None, whole=False):
+        """`sigma`: standard error of both, a number where it is known. `whole`: counts and numbers of things."""
         if a == b or (math.isnan(a) and math.isnan(b)):
             return
-        if math.isfinite(a) and math.isfinite(b) and abs(a - b) <= max(TOLERANCE * max(abs(a), abs(b)), ROUNDING * size):
-            return
+        if math.isfinite(a) and math.isfinite(b):
+            if self.in_sigmas and isinstance(sigma, (int, float)) and 0 < sigma < math.inf:
+                shift = abs(a - b) / sigma
+                self.largest[self.name] = max(self.largest.get(self.name, (0.0, "")), (shift, place))
+                if shift <= OF_SIGMA:
+                    return
+                place = f"{place} ({shift:.2g} sigmas)"
+            else:
+                relative, rounding = (OF_OTHERS, OF_OTHERS) if self.in_sigmas and not whole else (TOLERANCE, ROUNDING)
+                if abs(a - b) <= max(relative * max(abs(a), abs(b)), rounding * size):
+                    return
         self.append(f"{place}: {a!r} became {b!r}")
 
-    def value(self, place, a, b, size=0.0):
+    def value(self, place, a, b, size=0.0, sigma=None):
         if isinstance(a, (int, float)) and isinstance(b, (int, float)) and not isinstance(a, bool):
-            self.number(place, float(a), float(b), size)
+            self.number(place, float(a), float(b), size, sigma, isinstance(a, int) and isinstance(b, int))
         elif isinstance(a, dict) and isinstance(b, dict):
             a = {RENAMED.get(key, key): item for key, item in a.items() if key not in PROSE}
             b = {key: item for key, item in b.items() if key not in PROSE}
             for key in a.keys() | b.keys():
-                if key not in a and key in ADDED:
+                if (key not in a and key in ADDED) or (self.in_sigmas and key == "iterations"):
                     continue
                 if key not in a or key not in b:
                     self.append(f"{place}.{key}: {'new' if key in b else 'gone'}")
                 else:
-                    self.value(f"{place}.{key}", a[key], b[key])
+                    beside = sigma.get(key) if isinstance(sigma, dict) else a.get(f"sigma_{key}", a.get(SIGMAS.get(key)))
+                    self.value(f"{place}.{key}", a[key], b[key], sigma=beside)
         elif isinstance(a, list) and isinstance(b, list):
             if len(a) != len(b):
                 self.append(f"{place}: {len(a)} entries became {len(b)}")
             numbers = [abs(item) for item in a if isinstance(item, (int, float)) and math.isfinite(item)]
             for i, (x, y) in enumerate(zip(a, b)):
-                self.value(f"{place}[{i}]", x, y, max(numbers, default=0.0))
+                beside = sigma[i] if isinstance(sigma, list) and i < len(sigma) else None
+                self.value(f"{place}[{i}]", x, y, max(numbers, default=0.0), beside)
         elif a != b:
             self.text(place, str(a), str(b))
 
@@ -195,7 +224,7 @@ class Differences(list):
             self.append(f"{place}: texts differ")
             return
         for x, y in zip(a_parts[1::2], b_parts[1::2]):
-            self.number(place, float(x), float(y))
+            self.number(place, float(x), float(y), whole=is_whole(x) and is_whole(y))
 
     def table(self, place, a, b):
         a_rows, b_rows = list(csv.reader(io.StringIO(a))), list(csv.reader(io.StringIO(b)))
@@ -214,10 +243,14 @@ class Differences(list):
                     self.append(f"{place}: column {name} differs")
                 continue
             size = max((abs(v) for v in x if math.isfinite(v)), default=0.0)
+            whole = all(is_whole(row[k]) for row in a_rows[1:] + b_rows[1:])
+            beside = names.index(f"sigma_{name}") if f"sigma_{name}" in names else None
             for i, (u, v) in enumerate(zip(x, y)):
-                self.number(f"{place}: row {i + 1}, {name}", u, v, size)
+                sigma = float(a_rows[i + 1][beside] or "nan") if beside is not None else None
+                self.number(f"{place}: row {i + 1}, {name}", u, v, size, sigma, whole)
 
     def file(self, name, a, b):
+        self.name = name
         if a == b:
             return
         suffix = pathlib.Path(name).suffix
@@ -245,16 +278,20 @@ def results(folder):
 def main():
     parser = common.parser(__doc__, plenocal=None)
     parser.add_argument("what", choices=["record", "compare"])
-    parser.add_argument("program", type=common.program)
+    parser.add_argument("program", type=lambda path: pathlib.Path(path) if os.path.isdir(path) else common.program(path))
     parser.add_argument("results", type=pathlib.Path)
     parser.add_argument("--only", default="", help="points, images, given, or one real set")
     parser.add_argument("--lines", default=60, type=int, help="differences to print")
+    parser.add_argument("--in-sigmas", action="store_true", help="compare estimates in their standard errors")
     options = parser.parse_args()
     with common.folder() as folder:
-        cases = Cases(options.program, folder, options.only if options.only in REAL_SETS else "")
-        for part in ("points", "images", "given"):
-            if not options.only or part == options.only or (part == "given" and options.only in REAL_SETS):
-                getattr(cases, part)()
+        if options.program.is_dir():
+            folder = options.program
+        else:
+            cases = Cases(options.program, folder, options.only if options.only in REAL_SETS else "")
+            for part in ("points", "images", "given"):
+                if not options.only or part == options.only or (part == "given" and options.only in REAL_SETS):
+                    getattr(cases, part)()
         now = results(folder)
         if options.what == "record":
             shutil.rmtree(options.results, ignore_errors=True)
@@ -262,7 +299,7 @@ def main():
             print(f"{len(now)} files kept in {options.results}")
             return 0
         before = results(options.results)
-        differences = Differences()
+        differences = Differences(options.in_sigmas)
         for name in sorted(before.keys() | now.keys()):
             if name in before and name in now:
                 differences.file(name, before[name].read_bytes(), now[name].read_bytes())
@@ -270,6 +307,8 @@ def main():
                 differences.append(f"{name}: {'new' if name in now else 'gone'}")
         for line in differences[:options.lines]:
             print(line)
+        for shift, place in differences.largest.values():
+            print(f"largest shift of a file {shift:.2g} sigmas: {place}")
         print(f"{len(now)} files compared, {len(differences)} differences")
         return 1 if differences else 0
 
