@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "assess/views/projection_jacobian.h"
 #include "calib/base/format_error.h"
@@ -149,13 +148,10 @@ Eigen::MatrixXd MotionFor(const System& system,
 }
 
 // P(X > x) of a sum of squares with weights lambda whose sum and sum of squares are given: X is
-// taken for a multiple of chi-square of fitting degrees of freedom (Satterthwaite), its cube root
-// for normal (Wilson and Hilferty 1931).
+// taken for a multiple of chi-square of fitting degrees of freedom (Satterthwaite).
 double TailOfWeightedSquares(double x, double sum, double sum_of_squares) {
   const double degrees = sum * sum / sum_of_squares;
-  const double spread = 2 / (9 * degrees);
-  const double z = (std::cbrt(x / sum) - (1 - spread)) / std::sqrt(spread);
-  return std::erfc(z / std::numbers::sqrt2) / 2;
+  return ChiSquareTail(degrees, degrees * x / sum);
 }
 
 ImageDifference Judge(const System& system,
@@ -383,8 +379,8 @@ ExtrinsicsDifference CompareExtrinsics(const Counterparts& master,
   result.translation_sigma = std::sqrt(covariance.diagonal().head<3>().sum());
   result.rotation_sigma = std::sqrt(covariance.diagonal().tail<3>().sum());
   const Eigen::MatrixXd root = InverseRoot(covariance);
-  result.probability =
-      ChiSquareTail(static_cast<int>(root.cols()), (root.transpose() * difference).squaredNorm());
+  result.probability = ChiSquareTail(static_cast<double>(root.cols()),
+                                     (root.transpose() * difference).squaredNorm());
   result.differs = result.probability < kDifferenceLevel;
   return result;
 }

@@ -1,38 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/base/statistics.h"
 
-#include <cmath>
-#include <numbers>
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/students_t.hpp>
 
 namespace plenocal {
+namespace {
 
-double ChiSquareTail(int k, double x) {
-  const double h = x / 2;
-  double q = k % 2 == 1 ? std::erfc(std::sqrt(h)) : std::exp(-h);
-  double a = k % 2 == 1 ? 0.5 : 1.0;
-  for (; 2 * a < k; a += 1) q += std::exp(a * std::log(h) - h - std::lgamma(a + 1));
-  return q;
+namespace policies = boost::math::policies;
+// NaN and infinity in place of exceptions.
+using NoThrow = policies::policy<policies::domain_error<policies::ignore_error>,
+                                 policies::pole_error<policies::ignore_error>,
+                                 policies::overflow_error<policies::ignore_error>,
+                                 policies::evaluation_error<policies::ignore_error>,
+                                 policies::promote_double<false>>;
+using ChiSquareDistribution = boost::math::chi_squared_distribution<double, NoThrow>;
+using FDistribution = boost::math::fisher_f_distribution<double, NoThrow>;
+using StudentDistribution = boost::math::students_t_distribution<double, NoThrow>;
+
+// Boost has no tails beyond negative squares (rounding) and infinite ones.
+double AsSquare(double x) { return std::clamp(x, 0.0, 1e300); }
+
+}  // namespace
+
+double ChiSquareTail(double k, double x) {
+  return cdf(complement(ChiSquareDistribution(k), AsSquare(x)));
 }
-
-double ChiSquareQuantile(int k, double p) {
-  double low = 0, high = 1;
-  while (ChiSquareTail(k, high) > p) high *= 2;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = (low + high) / 2;
-    (ChiSquareTail(k, middle) > p ? low : high) = middle;
-  }
-  return high;
+double ChiSquareQuantile(double k, double p) {
+  return quantile(complement(ChiSquareDistribution(k), p));
 }
-
 double FTail(double x, double m, double n) {
-  const double root = std::cbrt(x), a = 2 / (9 * m), b = 2 / (9 * n);
-  const double z = ((1 - b) * root - (1 - a)) / std::sqrt(b * root * root + a);
-  return std::erfc(z / std::numbers::sqrt2) / 2;
+  return cdf(complement(FDistribution(m, n), AsSquare(x)));
 }
-
-double StudentTail(double x, double n) {
-  const double one_sided = FTail(x * x, 1, n) / 2;
-  return x > 0 ? one_sided : 1 - one_sided;
-}
+double StudentTail(double x, double n) { return cdf(complement(StudentDistribution(n), x)); }
 
 }  // namespace plenocal

@@ -63,9 +63,8 @@ std::string MountText(const char* what, const RigidTransform& T, const Vector6d&
 // By chi-square: estimates of independent standard normal errors.
 bool ContradictsCalibration(const OutsideFit& fit) {
   constexpr double kFalse = 1e-3;
-  const Eigen::Index count = fit.calibration_errors.size();
-  return count > 0 &&
-         fit.calibration_errors.squaredNorm() > ChiSquareQuantile(static_cast<int>(count), kFalse);
+  const auto count = static_cast<double>(fit.calibration_errors.size());
+  return count > 0 && fit.calibration_errors.squaredNorm() > ChiSquareQuantile(count, kFalse);
 }
 
 }  // namespace

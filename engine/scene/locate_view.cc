@@ -104,8 +104,7 @@ void SetNoise(bool robust, Bundle* bundle) {
     count += rows;
   }
   constexpr double kPoseUnknowns = 6, kLeast = 1e-6;
-  const double sigma = robust ? Median(std::move(lengths)) /
-                                    std::sqrt(ChiSquareQuantile(static_cast<int>(rows), 0.5))
+  const double sigma = robust ? Median(std::move(lengths)) / std::sqrt(ChiSquareQuantile(rows, 0.5))
                               : std::sqrt(square / std::max(1.0, count - kPoseUnknowns));
   noise.detector_scale = std::max(kLeast, before * sigma);
 }
