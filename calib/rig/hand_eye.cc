@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/rig/hand_eye.h"
 
+#include <ceres/rotation.h>
+#include <ceres/tiny_solver.h>
+#include <ceres/tiny_solver_autodiff_function.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,8 +17,6 @@
 
 namespace plenocal {
 namespace {
-
-using Vector12d = Eigen::Matrix<double, 12, 1>;
 
 constexpr size_t kFewestInstants = 3;
 // Pairs of instants; more add time and no certainty.
@@ -130,115 +132,101 @@ std::vector<Eigen::Matrix3d> StartRotations(const std::vector<Motion>& motions,
   return starts;
 }
 
-// X and Y at work.
+// Errors A^-1 X B Y, the rotation as the way it moves a point at the typical distance. Unknowns are
+// the translation and the rotation vector of X, then of Y.
 class HandEyeFit {
  public:
-  HandEyeFit(std::span<const HandEyePair> pairs, const RigidTransform& X) : pairs_(pairs), X_(X) {
-    // Y by the instant that suits most others.
-    double least = std::numeric_limits<double>::infinity();
+  HandEyeFit(std::span<const HandEyePair> pairs, const RigidTransform& X)
+      : pairs_(pairs), weights_(pairs.size(), 1) {
     for (const HandEyePair& pair : pairs) length_ += pair.A.t.norm() + pair.B.t.norm();
     length_ = std::max(length_ / static_cast<double>(2 * pairs.size()), 1e-9);
+    // Y by the instant that suits most others.
+    double least = std::numeric_limits<double>::infinity();
     const size_t stride = pairs.size() / 40 + 1;
     for (size_t i = 0; i < pairs.size(); i += stride) {
       const RigidTransform Y = pairs[i].B.Inverse() * X.Inverse() * pairs[i].A;
-      const double cost = Median(Errors(X, Y));
-      if (cost >= least) continue;
-      least = cost;
-      Y_ = Y;
+      Unknowns start;
+      start << X.t, LogRotation(X.R), Y.t, LogRotation(Y.R);
+      const double typical = Median(Lengths(start));
+      if (typical >= least) continue;
+      least = typical;
+      unknowns_ = start;
     }
   }
 
-  // Levenberg and Marquardt with Cauchy's weights, which follow the residuals.
+  // Least squares with Cauchy's weights, which follow the residuals.
   void Refine() {
-    constexpr int kSteps = 60;
-    double damping = 1e-6;
-    for (int step = 0; step < kSteps; ++step) {
-      const double width = Width();
-      const double before = Cost(X_, Y_, width);
-      Eigen::Matrix<double, 12, 12> H = Eigen::Matrix<double, 12, 12>::Zero();
-      Vector12d g = Vector12d::Zero();
-      Linearise(width, &H, &g);
-      const double scale = H.diagonal().maxCoeff();
-      H.diagonal().array() += damping * scale;
-      const Vector12d delta = -SolveSymmetric(Eigen::MatrixXd(H), Eigen::VectorXd(g));
-      if (!delta.allFinite()) return;
-      const RigidTransform X = Retract(X_, delta.head<6>()), Y = Retract(Y_, delta.tail<6>());
-      if (Cost(X, Y, width) < before) {
-        X_ = X;
-        Y_ = Y;
-        damping = std::max(damping / 10, 1e-14);
-        if (delta.norm() < 1e-12) return;
-      } else {
-        damping *= 10;
-        if (damping > 1) return;
-      }
+    constexpr int kRounds = 60;
+    constexpr double kTypicals = 3, kLeast = 1e-12, kSettled = 1e-12;
+    const ceres::TinySolverAutoDiffFunction<HandEyeFit, Eigen::Dynamic, 12> function(*this);
+    ceres::TinySolver<std::decay_t<decltype(function)>> solver;
+    solver.options.function_tolerance = solver.options.cost_threshold = 0;
+    solver.options.parameter_tolerance = kSettled;
+    Unknowns last;
+    for (int round = 0; round < kRounds; ++round) {
+      const std::vector<double> lengths = Lengths(unknowns_);
+      const double width = std::max(kTypicals * Median(lengths), kLeast * length_);
+      for (size_t i = 0; i < lengths.size(); ++i) weights_[i] = 1 / std::hypot(width, lengths[i]);
+      last = unknowns_;
+      solver.Solve(function, &unknowns_);
+      if ((unknowns_ - last).norm() < kSettled) return;
     }
   }
 
-  [[nodiscard]] double TypicalError() const { return Median(Errors(X_, Y_)); }
+  [[nodiscard]] double TypicalError() const { return Median(Lengths(unknowns_)); }
 
   [[nodiscard]] HandEye Result() const {
-    HandEye result{.X = X_, .Y = Y_};
+    HandEye result{.X = {ExpRotation(unknowns_.segment<3>(3)), unknowns_.head<3>()},
+                   .Y = {ExpRotation(unknowns_.tail<3>()), unknowns_.segment<3>(6)}};
     for (const HandEyePair& pair : pairs_) {
-      const RigidTransform E = pair.A.Inverse() * X_ * pair.B * Y_;
-      result.rotation_rms += LogRotation(E.R).squaredNorm() / static_cast<double>(pairs_.size());
-      result.translation_rms += E.t.squaredNorm() / static_cast<double>(pairs_.size());
+      const Vector6d error = Error(pair, unknowns_.data());
+      result.translation_rms += error.head<3>().squaredNorm();
+      result.rotation_rms += error.tail<3>().squaredNorm() / (length_ * length_);
     }
-    result.rotation_rms = std::sqrt(result.rotation_rms);
-    result.translation_rms = std::sqrt(result.translation_rms);
+    const auto count = static_cast<double>(pairs_.size());
+    result.rotation_rms = std::sqrt(result.rotation_rms / count);
+    result.translation_rms = std::sqrt(result.translation_rms / count);
     return result;
   }
 
+  // The function of `ceres::TinySolver`.
+  [[nodiscard]] int NumResiduals() const { return static_cast<int>(6 * pairs_.size()); }
+  template <typename T>
+  bool operator()(const T* unknowns, T* residuals) const {
+    for (size_t i = 0; i < pairs_.size(); ++i) {
+      Eigen::Map<Eigen::Matrix<T, 6, 1>>(residuals + 6 * i) =
+          weights_[i] * Error(pairs_[i], unknowns);
+    }
+    return true;
+  }
+
  private:
-  // Rotation and translation of A^-1 X B Y, the rotation as the way it moves a point at the typical
-  // distance.
-  [[nodiscard]] Vector6d Error(const HandEyePair& pair,
-                               const RigidTransform& X,
-                               const RigidTransform& Y) const {
-    const RigidTransform E = X * pair.B * Y;
-    Vector6d error;
-    error << E.t - pair.A.t, length_ * LogRotation(E.R * pair.A.R.transpose());
+  using Unknowns = Eigen::Matrix<double, 12, 1>;
+
+  template <typename T>
+  [[nodiscard]] Eigen::Matrix<T, 6, 1> Error(const HandEyePair& pair, const T* unknowns) const {
+    Eigen::Matrix<T, 3, 3> R_X, R_Y;
+    ceres::AngleAxisToRotationMatrix(unknowns + 3, R_X.data());
+    ceres::AngleAxisToRotationMatrix(unknowns + 9, R_Y.data());
+    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> t_X(unknowns), t_Y(unknowns + 6);
+    const Eigen::Matrix<T, 3, 3> R_XB = R_X * pair.B.R;
+    const Eigen::Matrix<T, 3, 3> R = R_XB * R_Y * pair.A.R.transpose();
+    Eigen::Matrix<T, 6, 1> error;
+    ceres::RotationMatrixToAngleAxis(R.data(), error.data() + 3);
+    error << R_XB * t_Y + R_X * pair.B.t + t_X - pair.A.t, length_ * error.template tail<3>();
     return error;
   }
 
-  [[nodiscard]] std::vector<double> Errors(const RigidTransform& X, const RigidTransform& Y) const {
-    std::vector<double> errors;
-    for (const HandEyePair& pair : pairs_) errors.push_back(Error(pair, X, Y).norm());
-    return errors;
-  }
-
-  [[nodiscard]] double Width() const {
-    constexpr double kTypicals = 3, kLeast = 1e-12;
-    return std::max(kTypicals * TypicalError(), kLeast * length_);
-  }
-
-  [[nodiscard]] double Cost(const RigidTransform& X, const RigidTransform& Y, double width) const {
-    double cost = 0;
-    for (const double error : Errors(X, Y)) cost += std::log1p(error * error / (width * width));
-    return cost;
-  }
-
-  void Linearise(double width, Eigen::Matrix<double, 12, 12>* H, Vector12d* g) const {
-    constexpr double kStep = 1e-6;
-    for (const HandEyePair& pair : pairs_) {
-      const Vector6d error = Error(pair, X_, Y_);
-      Eigen::Matrix<double, 6, 12> J;
-      for (Eigen::Index i = 0; i < 6; ++i) {
-        const Vector6d step = kStep * Vector6d::Unit(i);
-        J.col(i) = (Error(pair, Retract(X_, step), Y_) - Error(pair, Retract(X_, -step), Y_)) /
-                   (2 * kStep);
-        J.col(6 + i) = (Error(pair, X_, Retract(Y_, step)) - Error(pair, X_, Retract(Y_, -step))) /
-                       (2 * kStep);
-      }
-      const double weight = 1 / (width * width + error.squaredNorm());
-      *H += weight * J.transpose() * J;
-      *g += weight * J.transpose() * error;
-    }
+  [[nodiscard]] std::vector<double> Lengths(const Unknowns& unknowns) const {
+    std::vector<double> lengths;
+    for (const HandEyePair& pair : pairs_) lengths.push_back(Error(pair, unknowns.data()).norm());
+    return lengths;
   }
 
   std::span<const HandEyePair> pairs_;
+  std::vector<double> weights_;
   double length_ = 0;  // m, typical distance
-  RigidTransform X_, Y_;
+  Unknowns unknowns_;
 };
 
 }  // namespace
