@@ -57,6 +57,123 @@ std::optional<Registration> Register(const SceneState& state,
   return best;
 }
 
+// A similarity needs three positions.
+constexpr size_t kFewestFrames = 3;
+
+// The frames that follow from `first` by enough points in common with those that have followed.
+std::set<int> GrowGroup(int first, const std::map<int, std::set<int>>& landmarks) {
+  std::set<int> group{first}, known = landmarks.at(first);
+  for (bool grows = true; grows;) {
+    grows = false;
+    for (const auto& [frame, own] : landmarks) {
+      if (group.contains(frame)) continue;
+      const auto common = std::ranges::count_if(own, [&](int m) { return known.contains(m); });
+      if (static_cast<size_t>(common) < kFewestLandmarks) continue;
+      group.insert(frame);
+      known.insert(own.begin(), own.end());
+      grows = true;
+    }
+  }
+  return group;
+}
+
+// Rejection can leave frames, or a whole stretch of them, that have fewer points in common with
+// the others than a pose needs: their pose against these is not determined.
+void LeaveOutLooseFrames(Bundle* bundle) {
+  std::map<int, std::set<int>> landmarks;  // used ones, by frame
+  for (const BundleObservation& seen : bundle->observations) {
+    if (seen.used) landmarks[seen.frame].insert(seen.marker);
+  }
+  std::set<int> best, placed;
+  for (const auto& [frame, own] : landmarks) {
+    if (placed.contains(frame)) continue;
+    const std::set<int> group = GrowGroup(frame, landmarks);
+    placed.insert(group.begin(), group.end());
+    if (group.size() > best.size()) best = group;
+  }
+  for (BundleObservation& seen : bundle->observations) {
+    seen.used = seen.used && best.contains(seen.frame);
+  }
+}
+
+// Poses and points relative to the first frame's pose.
+void MoveToFirstFrame(Bundle* bundle) {
+  const RigidTransform T_first_world = bundle->T_rig_target[*bundle->fixed_frame];
+  for (RigidTransform& T : bundle->T_rig_target) T = T * T_first_world.Inverse();
+  for (BundleMarker& marker : bundle->markers) marker.position = T_first_world * marker.position;
+}
+
+[[noreturn]] void RefuseContradiction() {
+  throw JobError(
+      "most points contradict each other; does the calibration belong to this rig, and "
+      "are the images of a frame taken at one time?");
+}
+
+// The adjustment may have rejected all of a frame's points.
+void DropUnused(const Bundle& bundle, SegmentTruth* segment) {
+  std::set<size_t> used;
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.used) used.insert(static_cast<size_t>(observation.frame));
+  }
+  std::erase_if(segment->frames, [&](size_t frame) {
+    if (used.contains(frame)) return false;
+    segment->left_out.push_back(frame);
+    return true;
+  });
+  std::ranges::sort(segment->left_out);
+  if (segment->frames.size() < kFewestFrames) RefuseContradiction();
+}
+
+void MeasurePriorChange(LoopTruthResult* result) {
+  if (!result->bundle.prior) return;
+  const CalibrationPrior& prior = *result->bundle.prior;
+  const Eigen::VectorXd deviation = DeviationFromPrior(result->bundle);
+  result->prior_unknowns = static_cast<int>(prior.unknowns.size());
+  result->prior_change = (prior.weight * deviation).squaredNorm();
+  const Eigen::MatrixXd covariance =
+      (prior.weight.transpose() * prior.weight)
+          .ldlt()
+          .solve(Eigen::MatrixXd::Identity(deviation.size(), deviation.size()));
+  for (Eigen::Index i = 0; i < deviation.size(); ++i) {
+    const double sigmas = std::abs(deviation[i]) / std::sqrt(covariance(i, i));
+    if (sigmas <= result->most_changed_sigmas) continue;
+    result->most_changed_sigmas = sigmas;
+    result->most_changed = NameOfPriorUnknown(result->bundle, static_cast<size_t>(i));
+  }
+}
+
+void Measure(LoopTruthResult* result) {
+  const Bundle& bundle = result->bundle;
+  const std::set<size_t> start(result->start.frames.begin(), result->start.frames.end());
+  std::vector<bool> in_start(bundle.markers.size(), false), in_end(in_start);
+  std::vector<double> squares(bundle.cameras.size(), 0), counts(squares);
+  for (const BundleObservation& observation : bundle.observations) {
+    double residual[kMaxObservationSize];
+    if (!observation.used || !Residual(bundle, observation, residual)) continue;
+    ++result->observations;
+    const auto c = static_cast<size_t>(observation.camera);
+    const bool of_start = start.contains(static_cast<size_t>(observation.frame));
+    (of_start ? in_start : in_end)[static_cast<size_t>(observation.marker)] = true;
+    for (size_t r = 0; r < bundle.cameras[c].model->measured.size(); ++r) {
+      squares[c] += residual[r] * residual[r];
+    }
+    counts[c] += 1;
+  }
+  for (size_t m = 0; m < in_start.size(); ++m) {
+    result->points += in_start[m] || in_end[m] ? 1 : 0;
+    result->common += in_start[m] && in_end[m] ? 1 : 0;
+  }
+  for (size_t c = 0; c < squares.size(); ++c) {
+    result->rms.push_back(std::sqrt(squares[c] / std::max(1.0, counts[c])));
+    // Directions wrong by about half a degree are no noise: the poses are not those of the
+    // frames.
+    constexpr double kMostRms = 0.01;  // of the image's diagonal
+    const ImageSize size = bundle.cameras[c].image_size;
+    if (result->rms.back() > kMostRms * std::hypot(size[0], size[1])) RefuseContradiction();
+  }
+  MeasurePriorChange(result);
+}
+
 class LoopEstimation {
  public:
   explicit LoopEstimation(const LoopTruthInput& input) : input_(input), state_(MakeState()) {}
@@ -73,15 +190,13 @@ class LoopEstimation {
     Enter("uncertainty");
     result_.covariance =
         EstimateLoopCovariance(result_.bundle, 0, result_.start.frames, result_.end.frames);
-    Measure();
+    Measure(&result_);
     return std::move(result_);
   }
 
  private:
   // A fifth of it is a pixel's error of a usual camera.
   static constexpr double kLeastParallax = 1.0 / 200;
-  // A similarity needs three positions.
-  static constexpr size_t kFewestFrames = 3;
 
   bool HasOnlyPlenopticCameras() const {
     return std::ranges::all_of(input_.rig->cameras,
@@ -318,12 +433,12 @@ class LoopEstimation {
       SolveOnce();
       if (i == kRevisions || !ReviseFrames(all)) break;
     }
-    LeaveOutLooseFrames();
-    DropUnused(&result_.start);
-    DropUnused(&result_.end);
+    LeaveOutLooseFrames(&result_.bundle);
+    DropUnused(result_.bundle, &result_.start);
+    DropUnused(result_.bundle, &result_.end);
     result_.bundle.fixed_frame = result_.start.frames.front();
     FindRivalEnd(std::move(all));
-    MoveToFirstFrame();
+    MoveToFirstFrame(&result_.bundle);
   }
 
   // Points that the end shows elsewhere than the start may agree on another pose of the end. Where
@@ -360,43 +475,6 @@ class LoopEstimation {
         "(windows, tiles, shelves) or has moved; give --start and --end that "
         "show another part of it",
         result_.rival->Text());
-  }
-
-  // Rejection can leave frames, or a whole stretch of them, that have fewer points in common with
-  // the others than a pose needs: their pose against these is not determined.
-  void LeaveOutLooseFrames() {
-    Bundle& bundle = result_.bundle;
-    std::map<int, std::set<int>> landmarks;  // used ones, by frame
-    for (const BundleObservation& seen : bundle.observations) {
-      if (seen.used) landmarks[seen.frame].insert(seen.marker);
-    }
-    std::set<int> best, placed;
-    for (const auto& [frame, own] : landmarks) {
-      if (placed.contains(frame)) continue;
-      const std::set<int> group = GrowGroup(frame, landmarks);
-      placed.insert(group.begin(), group.end());
-      if (group.size() > best.size()) best = group;
-    }
-    for (BundleObservation& seen : bundle.observations) {
-      seen.used = seen.used && best.contains(seen.frame);
-    }
-  }
-
-  // The frames that follow from `first` by enough points in common with those that have followed.
-  static std::set<int> GrowGroup(int first, const std::map<int, std::set<int>>& landmarks) {
-    std::set<int> group{first}, known = landmarks.at(first);
-    for (bool grows = true; grows;) {
-      grows = false;
-      for (const auto& [frame, own] : landmarks) {
-        if (group.contains(frame)) continue;
-        const auto common = std::ranges::count_if(own, [&](int m) { return known.contains(m); });
-        if (static_cast<size_t>(common) < kFewestLandmarks) continue;
-        group.insert(frame);
-        known.insert(own.begin(), own.end());
-        grows = true;
-      }
-    }
-    return group;
   }
 
   void SolveOnce() {
@@ -453,85 +531,6 @@ class LoopEstimation {
     result_.bundle.T_rig_target[frame] = found->T_rig_target;
     state_.has_pose[frame] = true;
     return true;
-  }
-
-  // Poses and points relative to the first frame's pose.
-  void MoveToFirstFrame() {
-    Bundle& bundle = result_.bundle;
-    const RigidTransform T_first_world = bundle.T_rig_target[*bundle.fixed_frame];
-    for (RigidTransform& T : bundle.T_rig_target) T = T * T_first_world.Inverse();
-    for (BundleMarker& marker : bundle.markers) marker.position = T_first_world * marker.position;
-  }
-
-  // The adjustment may have rejected all of a frame's points.
-  void DropUnused(SegmentTruth* segment) const {
-    std::set<size_t> used;
-    for (const BundleObservation& observation : result_.bundle.observations) {
-      if (observation.used) used.insert(static_cast<size_t>(observation.frame));
-    }
-    std::erase_if(segment->frames, [&](size_t frame) {
-      if (used.contains(frame)) return false;
-      segment->left_out.push_back(frame);
-      return true;
-    });
-    std::ranges::sort(segment->left_out);
-    if (segment->frames.size() < kFewestFrames) RefuseContradiction();
-  }
-
-  [[noreturn]] static void RefuseContradiction() {
-    throw JobError(
-        "most points contradict each other; does the calibration belong to this rig, and "
-        "are the images of a frame taken at one time?");
-  }
-
-  void Measure() {
-    const Bundle& bundle = result_.bundle;
-    const std::set<size_t> start(result_.start.frames.begin(), result_.start.frames.end());
-    std::vector<bool> in_start(bundle.markers.size(), false), in_end(in_start);
-    std::vector<double> squares(bundle.cameras.size(), 0), counts(squares);
-    for (const BundleObservation& observation : bundle.observations) {
-      double residual[kMaxObservationSize];
-      if (!observation.used || !Residual(bundle, observation, residual)) continue;
-      ++result_.observations;
-      const auto c = static_cast<size_t>(observation.camera);
-      const bool of_start = start.contains(static_cast<size_t>(observation.frame));
-      (of_start ? in_start : in_end)[static_cast<size_t>(observation.marker)] = true;
-      for (size_t r = 0; r < bundle.cameras[c].model->measured.size(); ++r) {
-        squares[c] += residual[r] * residual[r];
-      }
-      counts[c] += 1;
-    }
-    for (size_t m = 0; m < in_start.size(); ++m) {
-      result_.points += in_start[m] || in_end[m] ? 1 : 0;
-      result_.common += in_start[m] && in_end[m] ? 1 : 0;
-    }
-    for (size_t c = 0; c < squares.size(); ++c) {
-      result_.rms.push_back(std::sqrt(squares[c] / std::max(1.0, counts[c])));
-      // Directions wrong by about half a degree are no noise: the poses are not those of the
-      // frames.
-      constexpr double kMostRms = 0.01;  // of the image's diagonal
-      const ImageSize size = bundle.cameras[c].image_size;
-      if (result_.rms.back() > kMostRms * std::hypot(size[0], size[1])) RefuseContradiction();
-    }
-    MeasurePriorChange();
-  }
-
-  void MeasurePriorChange() {
-    if (!result_.bundle.prior) return;
-    const CalibrationPrior& prior = *result_.bundle.prior;
-    const Eigen::VectorXd deviation = DeviationFromPrior(result_.bundle);
-    result_.prior_unknowns = static_cast<int>(prior.unknowns.size());
-    result_.prior_change = (prior.weight * deviation).squaredNorm();
-    const Eigen::MatrixXd covariance =
-        (prior.weight.transpose() * prior.weight)
-            .ldlt()
-            .solve(Eigen::MatrixXd::Identity(deviation.size(), deviation.size()));
-    for (Eigen::Index i = 0; i < deviation.size(); ++i) {
-      const double sigmas = std::abs(deviation[i]) / std::sqrt(covariance(i, i));
-      if (sigmas <= result_.most_changed_sigmas) continue;
-      result_.most_changed_sigmas = sigmas;
-      result_.most_changed = NameOfPriorUnknown(result_.bundle, static_cast<size_t>(i));
-    }
   }
 
   const LoopTruthInput& input_;

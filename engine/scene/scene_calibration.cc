@@ -32,6 +32,108 @@ SceneTracks TracksOf(const std::vector<CameraInput>& cameras) {
   return tracks;
 }
 
+// Distances that the user knows between positions of a scene, in its bundle.
+class SceneDistances {
+ public:
+  SceneDistances(const SceneCalibrationInput& input,
+                 const SceneTracks& tracks,
+                 Calibration* calibration)
+      : input_(input), tracks_(tracks), calibration_(*calibration) {}
+
+  // A point that has no position takes its distance with it, if others are left.
+  void Add() {
+    for (const SceneDistance& distance : input_.distances) {
+      if (!IsTracked(distance.a)) FailWithoutPosition(distance.a, distance);
+      if (!IsTracked(distance.b)) FailWithoutPosition(distance.b, distance);
+      if (AddDistance(distance)) continue;
+      calibration_.left_out.push_back(
+          {.where = fmt::format("distance of {} and {}", distance.a.name, distance.b.name),
+           .reason =
+               fmt::format("no two views that agree show {}",
+                           MarkersAt(distance.a).empty() ? distance.a.name : distance.b.name)});
+    }
+    if (input_.tags) AddTags(*input_.tags);
+    if (!calibration_.bundle.distances.empty() || input_.distances.empty()) return;
+    const SceneDistance& first = input_.distances.front();
+    FailWithoutPosition(MarkersAt(first.a).empty() ? first.a : first.b, first);
+  }
+
+ private:
+  // The other tags give the scale for a tag that was not seen.
+  void AddTags(const SceneTags& tags) {
+    for (const int id : tags.ids) {
+      const ScenePosition tag{fmt::format("tag {}", id), CornersOfTag(id)};
+      if (!MarkersAt(tag).empty()) {
+        for (const SceneDistance& size : SizesOfTag(tags, id)) AddDistance(size);
+        continue;
+      }
+      const char* const not_tracked = input_.from_images ? "no image of an ordinary camera shows it"
+                                                         : "not all of its corners have tracks";
+      calibration_.left_out.push_back(
+          {.where = tag.name,
+           .reason =
+               IsTracked(tag) ? "no two views that agree show each of its corners" : not_tracked,
+           .marker = std::to_string(id)});
+    }
+  }
+
+  // False where an end has no position.
+  bool AddDistance(const SceneDistance& distance) {
+    std::vector<int> a = MarkersAt(distance.a), b = MarkersAt(distance.b);
+    if (a.empty() || b.empty()) return false;
+    calibration_.bundle.distances.push_back({.markers_a = std::move(a),
+                                             .markers_b = std::move(b),
+                                             .length = distance.length,
+                                             .sigma = distance.sigma,
+                                             .common_sigma = distance.common_sigma});
+    return true;
+  }
+
+  // True if some view shows each of its points; a number that no view has is a slip of the user.
+  [[nodiscard]] bool IsTracked(const ScenePosition& position) const {
+    const auto tracked = [&](int number) {
+      const auto same = [&](const Observation& seen) { return seen.marker == number; };
+      const auto shows = [&](const View& view) {
+        return std::ranges::any_of(view.observations, same);
+      };
+      return std::ranges::any_of(tracks_.views, [&](const std::vector<View>& views) {
+        return std::ranges::any_of(views, shows);
+      });
+    };
+    return std::ranges::all_of(position.points, tracked);
+  }
+
+  [[noreturn]] static void FailWithoutPosition(const ScenePosition& position,
+                                               const SceneDistance& distance) {
+    distance.place.Fail(
+        fmt::format("{} has no position: no two views that agree show it; "
+                    "name another point, or remove this distance",
+                    position.name));
+  }
+
+  // The landmarks of a position; empty where one of them has no position.
+  std::vector<int> MarkersAt(const ScenePosition& position) const {
+    std::vector<int> markers;
+    for (const int number : position.points) {
+      const std::optional<int> marker = MarkerIndex(number);
+      if (!marker) return {};
+      markers.push_back(*marker);
+    }
+    return markers;
+  }
+
+  std::optional<int> MarkerIndex(int number) const {
+    const std::vector<BundleMarker>& markers = calibration_.bundle.markers;
+    const auto found = std::ranges::find(markers, number, &BundleMarker::number);
+    if (found == markers.end()) return std::nullopt;
+    return static_cast<int>(found - markers.begin());
+  }
+
+  const SceneCalibrationInput& input_;
+  const SceneTracks& tracks_;
+  Calibration& calibration_;
+};
+
 class SceneCalibration {
  public:
   SceneCalibration(const SceneCalibrationInput& input, const CalibrationOptions& options)
@@ -350,7 +452,7 @@ class SceneCalibration {
     FollowByOverlap([](size_t) {}, &state);
     KeepStarted(state, &bundle);
     DropUnseen(state);
-    AddDistances();
+    SceneDistances(input_, tracks_, &calibration_).Add();
     bundle.fixed_frame = 0;
     if (!HasScale(bundle)) HoldScale(&bundle);
   }
@@ -392,94 +494,6 @@ class SceneCalibration {
     }
     bundle.T_rig_target = std::move(poses);
     bundle.markers = std::move(markers);
-  }
-
-  // A point that has no position takes its distance with it, if others are left.
-  void AddDistances() {
-    for (const SceneDistance& distance : input_.distances) {
-      if (!IsTracked(distance.a)) FailWithoutPosition(distance.a, distance);
-      if (!IsTracked(distance.b)) FailWithoutPosition(distance.b, distance);
-      if (AddDistance(distance)) continue;
-      calibration_.left_out.push_back(
-          {.where = fmt::format("distance of {} and {}", distance.a.name, distance.b.name),
-           .reason =
-               fmt::format("no two views that agree show {}",
-                           MarkersAt(distance.a).empty() ? distance.a.name : distance.b.name)});
-    }
-    if (input_.tags) AddTags(*input_.tags);
-    if (!calibration_.bundle.distances.empty() || input_.distances.empty()) return;
-    const SceneDistance& first = input_.distances.front();
-    FailWithoutPosition(MarkersAt(first.a).empty() ? first.a : first.b, first);
-  }
-
-  // The other tags give the scale for a tag that was not seen.
-  void AddTags(const SceneTags& tags) {
-    for (const int id : tags.ids) {
-      const ScenePosition tag{fmt::format("tag {}", id), CornersOfTag(id)};
-      if (!MarkersAt(tag).empty()) {
-        for (const SceneDistance& size : SizesOfTag(tags, id)) AddDistance(size);
-        continue;
-      }
-      const char* const not_tracked = input_.from_images ? "no image of an ordinary camera shows it"
-                                                         : "not all of its corners have tracks";
-      calibration_.left_out.push_back(
-          {.where = tag.name,
-           .reason =
-               IsTracked(tag) ? "no two views that agree show each of its corners" : not_tracked,
-           .marker = std::to_string(id)});
-    }
-  }
-
-  // False where an end has no position.
-  bool AddDistance(const SceneDistance& distance) {
-    std::vector<int> a = MarkersAt(distance.a), b = MarkersAt(distance.b);
-    if (a.empty() || b.empty()) return false;
-    calibration_.bundle.distances.push_back({.markers_a = std::move(a),
-                                             .markers_b = std::move(b),
-                                             .length = distance.length,
-                                             .sigma = distance.sigma,
-                                             .common_sigma = distance.common_sigma});
-    return true;
-  }
-
-  // True if some view shows each of its points; a number that no view has is a slip of the user.
-  [[nodiscard]] bool IsTracked(const ScenePosition& position) const {
-    const auto tracked = [&](int number) {
-      const auto same = [&](const Observation& seen) { return seen.marker == number; };
-      const auto shows = [&](const View& view) {
-        return std::ranges::any_of(view.observations, same);
-      };
-      return std::ranges::any_of(tracks_.views, [&](const std::vector<View>& views) {
-        return std::ranges::any_of(views, shows);
-      });
-    };
-    return std::ranges::all_of(position.points, tracked);
-  }
-
-  [[noreturn]] static void FailWithoutPosition(const ScenePosition& position,
-                                               const SceneDistance& distance) {
-    distance.place.Fail(
-        fmt::format("{} has no position: no two views that agree show it; "
-                    "name another point, or remove this distance",
-                    position.name));
-  }
-
-  // The landmarks of a position; empty where one of them has no position.
-  std::vector<int> MarkersAt(const ScenePosition& position) const {
-    std::vector<int> markers;
-    for (const int number : position.points) {
-      const std::optional<int> marker = MarkerIndex(number);
-      if (!marker) return {};
-      markers.push_back(*marker);
-    }
-    return markers;
-  }
-
-  std::optional<int> MarkerIndex(int number) const {
-    const std::vector<BundleMarker>& markers = calibration_.bundle.markers;
-    const auto found = std::ranges::find(markers, number, &BundleMarker::number);
-    if (found == markers.end()) return std::nullopt;
-    return static_cast<int>(found - markers.begin());
   }
 
   Solution SolveBundle() {
