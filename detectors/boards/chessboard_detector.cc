@@ -56,13 +56,25 @@ class ChessboardDetector final : public MarkerDetector {
                                   rows_);
       return found;
     }
+    const int count = columns_ * rows_;
+    if (larger_.empty()) {
+      found = Choose(gray, internal::FindLargeCornerLattices(gray, count));
+      if (std::ssize(found.markers) == count) return found;
+    }
+    return Choose(gray, internal::FindCornerLattices(gray, count / 2));
+  }
+
+ private:
+  /// Measures the board where all its corners are clear, else where most are.
+  [[nodiscard]] MarkerDetections Choose(const cv::Mat& gray,
+                                        std::vector<CornerLattice> lattices) const {
+    MarkerDetections found;
     found.failure = fmt::format(
         "no {} x {} chessboard found (inner corners): only part of it is visible, or it is too "
         "blurred, too small or unevenly lit",
         columns_,
         rows_);
     std::size_t largest = 0;  // of the lattices that are, or may be, another board's or part of one
-    std::vector<CornerLattice> lattices = internal::FindCornerLattices(gray, columns_ * rows_ / 2);
     const bool may_be_part = !AllIn(larger_, lattices);
     for (CornerLattice& lattice : lattices) {
       if (lattice.columns != columns_) lattice = internal::Transposed(lattice);
@@ -101,7 +113,6 @@ class ChessboardDetector final : public MarkerDetector {
     return found;
   }
 
- private:
   /// Whether each of these boards is among the lattices.
   static bool AllIn(const std::vector<cv::Size>& boards,
                     const std::vector<CornerLattice>& lattices) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -99,15 +100,16 @@ class Pattern {
   float count_ = 0, squares_ = 0;
 };
 
-/// Crossings at the peaks of `saddle`, in the order of their rows. `highest`: of the pixels around.
+/// Adds the crossings at the peaks of `saddle` in these rows. `highest`: of the pixels around.
 PLENOCAL_FOR_EACH_PROCESSOR
-std::vector<Crossing> CrossingsAtPeaks(const cv::Mat& image,
-                                       const cv::Mat& saddle,
-                                       const cv::Mat& highest) {
-  const Pattern pattern;
-  std::vector<Crossing> crossings;
+void AddCrossingsAtPeaks(const Pattern& pattern,
+                         const cv::Mat& image,
+                         const cv::Mat& saddle,
+                         const cv::Mat& highest,
+                         const cv::Range& rows,
+                         std::vector<Crossing>* crossings) {
   std::vector<int> peaks(image.cols);
-  for (int y = kRadius; y < image.rows - kRadius; ++y) {
+  for (int y = rows.start; y < rows.end; ++y) {
     const auto *values = saddle.ptr<float>(y), *limits = highest.ptr<float>(y);
     // Collected first and without a branch, which one in ten pixels would take. Eight pixels of
     // each row are read around a peak.
@@ -118,25 +120,37 @@ std::vector<Crossing> CrossingsAtPeaks(const cv::Mat& image,
     }
     for (int i = 0; i < count; ++i) {
       if (const auto quadrupole = pattern.Quadrupole(image, peaks[i], y)) {
-        crossings.push_back({Eigen::Vector2d(peaks[i], y), *quadrupole});
+        crossings->push_back({Eigen::Vector2d(peaks[i], y), *quadrupole});
       }
     }
   }
-  return crossings;
 }
 
-std::vector<Crossing> FindCrossings(const cv::Mat& image) {
-  cv::Mat smooth, xx, xy, yy, highest;
-  cv::GaussianBlur(image, smooth, {5, 5}, 1);
-  cv::Sobel(smooth, xx, CV_32F, 2, 0);
-  cv::Sobel(smooth, xy, CV_32F, 1, 1);
-  cv::Sobel(smooth, yy, CV_32F, 0, 2);
-  cv::Mat& saddle = xy;  // xy^2 - xx yy, without further images
-  cv::multiply(xy, xy, xy);
-  cv::multiply(xx, yy, xx);
-  cv::subtract(xy, xx, saddle);
-  cv::dilate(saddle, highest, {});
-  return CrossingsAtPeaks(image, saddle, highest);
+/// In the order of their rows. In bands of rows, whose images stay in the processor's cache.
+std::vector<Crossing> FindCrossings(const cv::Mat& gray) {
+  constexpr int kBand = 32, kAround = 4;  // rows; those that the filters need beyond a band
+  static_assert(kAround > kRadius);
+  const Pattern pattern;
+  std::vector<Crossing> crossings;
+  cv::Mat image, smooth, xx, xy, yy, highest;
+  for (int first = kRadius; first < gray.rows - kRadius; first += kBand) {
+    const int last = std::min(first + kBand, gray.rows - kRadius);
+    const int from = std::max(0, first - kAround), to = std::min(gray.rows, last + kAround);
+    gray.rowRange(from, to).convertTo(image, CV_32F);
+    cv::GaussianBlur(image, smooth, {5, 5}, 1);
+    cv::Sobel(smooth, xx, CV_32F, 2, 0);
+    cv::Sobel(smooth, xy, CV_32F, 1, 1);
+    cv::Sobel(smooth, yy, CV_32F, 0, 2);
+    cv::Mat& saddle = xy;  // xy^2 - xx yy, without further images
+    cv::multiply(xy, xy, xy);
+    cv::multiply(xx, yy, xx);
+    cv::subtract(xy, xx, saddle);
+    cv::dilate(saddle, highest, {});
+    const size_t before = crossings.size();
+    AddCrossingsAtPeaks(pattern, image, saddle, highest, {first - from, last - from}, &crossings);
+    for (size_t i = before; i < crossings.size(); ++i) crossings[i].p.y() += from;
+  }
+  return crossings;
 }
 
 /// The crossings next to each, by index.
@@ -233,7 +247,8 @@ class Linker {
 
   [[nodiscard]] double Gray(const Eigen::Vector2d& p) const {
     const auto x = static_cast<int>(std::lround(p.x())), y = static_cast<int>(std::lround(p.y()));
-    return image_.at<float>(std::clamp(y, 0, image_.rows - 1), std::clamp(x, 0, image_.cols - 1));
+    return image_.at<std::uint8_t>(std::clamp(y, 0, image_.rows - 1),
+                                   std::clamp(x, 0, image_.cols - 1));
   }
 
   /// i is in the middle, but for perspective and distortion, which may make a square half as large
@@ -367,10 +382,8 @@ void FindAtScale(const cv::Mat& scaled,
                  double scale,
                  int min_found,
                  std::vector<CornerLattice>* lattices) {
-  cv::Mat image;
-  scaled.convertTo(image, CV_32F);
-  const std::vector<Crossing> crossings = FindCrossings(image);
-  const Links links = Linker(image, crossings).Find();
+  const std::vector<Crossing> crossings = FindCrossings(scaled);
+  const Links links = Linker(scaled, crossings).Find();
   std::vector<bool> done(crossings.size());
   for (std::size_t seed = 0; seed < crossings.size(); ++seed) {
     if (done[seed] || links[seed].empty()) continue;
@@ -390,6 +403,28 @@ void FindAtScale(const cv::Mat& scaled,
   }
 }
 
+cv::Mat Half(const cv::Mat& image) {
+  cv::Mat half;
+  cv::resize(image, half, {}, 0.5, 0.5, cv::INTER_AREA);
+  return half;
+}
+
+/// In an image reduced by `scale`, its half, and so on.
+std::vector<CornerLattice> FindFrom(cv::Mat scaled, double scale, int min_found) {
+  constexpr int kSmallestSize = 16;  // px; holds three by three corners
+  std::vector<CornerLattice> lattices;
+  while (std::min(scaled.cols, scaled.rows) >= kSmallestSize) {
+    FindAtScale(scaled, scale, min_found, &lattices);
+    scaled = Half(scaled);
+    scale /= 2;
+  }
+  return lattices;
+}
+
+// Squares of 5 px in an image reduced to this size are as small as can be measured in a full one of
+// this size, and the largest images take no longer.
+constexpr double kLargestSize = 2560;
+
 }  // namespace
 
 CornerLattice Transposed(const CornerLattice& lattice) {
@@ -403,21 +438,16 @@ CornerLattice Transposed(const CornerLattice& lattice) {
 }
 
 std::vector<CornerLattice> FindCornerLattices(const cv::Mat& gray, int min_found) {
-  // Squares of 5 px in an image reduced to this size are as small as can be measured in a full one
-  // of this size, and the largest images take no longer.
-  constexpr double kLargestSize = 2560;
-  constexpr int kSmallestSize = 16;  // px; holds three by three corners
-  std::vector<CornerLattice> lattices;
-  double scale = std::min(1.0, kLargestSize / std::max(gray.cols, gray.rows));
-  cv::Mat scaled = Reduced(gray, scale);
-  while (std::min(scaled.cols, scaled.rows) >= kSmallestSize) {
-    FindAtScale(scaled, scale, min_found, &lattices);
-    cv::Mat half;
-    cv::resize(scaled, half, {}, 0.5, 0.5, cv::INTER_AREA);
-    scaled = half;
-    scale /= 2;
-  }
-  return lattices;
+  const double scale = std::min(1.0, kLargestSize / std::max(gray.cols, gray.rows));
+  return FindFrom(Reduced(gray, scale), scale, min_found);
+}
+
+std::vector<CornerLattice> FindLargeCornerLattices(const cv::Mat& gray, int min_found) {
+  if (std::max(gray.cols, gray.rows) <= kLargestSize) return {};
+  cv::Mat scaled = gray;
+  double scale = 1;
+  for (; std::max(scaled.cols, scaled.rows) > kLargestSize / 2; scale /= 2) scaled = Half(scaled);
+  return FindFrom(scaled, scale, min_found);
 }
 
 }  // namespace plenocal::internal
