@@ -161,10 +161,6 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels(int step, double reac
   const Eigen::Vector2f low = window_.min().cast<float>(), high = window_.max().cast<float>();
   const Eigen::Vector2f centre = centre_.cast<float>();
   const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
-  const auto rows = static_cast<std::size_t>((y_last - y_first) / step + 1);
-  const auto strips = static_cast<std::size_t>((x_last - x_first) / (kLanes * step) + 1);
-  pixels_.resize(rows * strips * kLanes + 1);
-  std::size_t size = 0;
   for (int row = y_first; row <= y_last; row += step) {
     const auto* gray = gray_.ptr<unsigned char>(row);
     const Lanes d_y = Lanes{} + (static_cast<float>(row) - centre.y());
@@ -174,16 +170,25 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels(int step, double reac
       Place(d_x, d_y, &x, &y);
       const Lanes scale = G(2, 0) * x + G(2, 1) * y + G(2, 2);
       const Lanes u = G(0, 0) * x + G(0, 1) * y + G(0, 2), v = G(1, 0) * x + G(1, 1) * y + G(1, 2);
-      const IntLanes chosen = (scale > 0) & (u >= low.x() * scale) & (u <= high.x() * scale) &
-                              (v >= low.y() * scale) & (v <= high.y() * scale);
-      for (int l = 0; l < kLanes && first + l <= x_last; ++l) {
-        if (chosen[l] == 0) continue;
-        pixels_[size] = {first + l, row, x[l], y[l], static_cast<float>(gray[first + l])};
-        size += !thinned || !drawing_.IsFlat(u[l] / scale[l], v[l] / scale[l], reach_cells);
+      IntLanes chosen = (scale > 0) & (u >= low.x() * scale) & (u <= high.x() * scale) &
+                        (v >= low.y() * scale) & (v <= high.y() * scale);
+      if (IsZero(chosen)) continue;
+      if (thinned) {
+        IntLanes flat;
+        const Lanes inside = Lanes{} + low.x();  // for lanes that are not chosen
+        drawing_.FindFlat(
+            chosen ? u / scale : inside, chosen ? v / scale : inside, reach_cells, &flat);
+        chosen &= ~flat;
       }
+      std::array<Pixel, kLanes + 1> of_strip;
+      int count = 0;
+      for (int l = 0; l < kLanes && first + l <= x_last; ++l) {
+        of_strip[count] = {first + l, row, x[l], y[l], static_cast<float>(gray[first + l])};
+        count -= chosen[l];
+      }
+      pixels_.insert(pixels_.end(), of_strip.begin(), of_strip.begin() + count);
     }
   }
-  pixels_.resize(size);
 }
 
 void TagTemplate::SetBeyond(double value) {

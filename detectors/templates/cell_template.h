@@ -42,16 +42,21 @@ class CellTemplate {
   void Draw(const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
 
   [[nodiscard]] int size() const { return n_; }
-  /// Whether the drawing is of one value all around (u, v), in cells, to a distance of `reach` in
-  /// both directions, which must end within the drawing.
-  [[nodiscard]] bool IsFlat(float u, float v, float reach) const {
-    const int left = static_cast<int>(u - reach), right = static_cast<int>(u + reach);
-    const float* above = &cells_[static_cast<int>(v - reach) * n_];
-    const float* below = &cells_[static_cast<int>(v + reach) * n_];
-    const float value = above[left];
-    // All at once: branches would be predicted wrongly half of the time.
-    return (static_cast<int>(value == above[right]) & static_cast<int>(value == below[left]) &
-            static_cast<int>(value == below[right])) != 0;
+  /// -1 where the drawing is of one value all around (u, v), in cells, to a distance of `reach` in
+  /// both directions, which must end within the drawing; else 0.
+  PLENOCAL_LANES void FindFlat(const Lanes& u, const Lanes& v, float reach, IntLanes* flat) const {
+    const IntLanes left = __builtin_convertvector(u - reach, IntLanes);
+    const IntLanes right = __builtin_convertvector(u + reach, IntLanes);
+    const IntLanes above = n_ * __builtin_convertvector(v - reach, IntLanes);
+    const IntLanes below = n_ * __builtin_convertvector(v + reach, IntLanes);
+    const float* const cells = cells_.data();
+    for (int l = 0; l < kLanes; ++l) {
+      const float value = cells[above[l] + left[l]];
+      // All at once: branches would be predicted wrongly half of the time.
+      (*flat)[l] = -(static_cast<int>(value == cells[above[l] + right[l]]) &
+                     static_cast<int>(value == cells[below[l] + left[l]]) &
+                     static_cast<int>(value == cells[below[l] + right[l]]));
+    }
   }
 
  private:

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 
 namespace plenocal::internal {
 
@@ -28,6 +29,12 @@ PLENOCAL_LANES void Load(const float* from, Lanes* lanes) {
 }
 PLENOCAL_LANES void Store(const Lanes& lanes, float* to) {
   __builtin_memcpy(to, &lanes, sizeof lanes);
+}
+
+PLENOCAL_LANES bool IsZero(const IntLanes& lanes) {
+  std::uint64_t parts[kLanes / 2];
+  __builtin_memcpy(parts, &lanes, sizeof parts);
+  return (parts[0] | parts[1] | parts[2] | parts[3]) == 0;
 }
 
 PLENOCAL_LANES float Sum(const Lanes& lanes) {
