@@ -157,19 +157,17 @@ class HandEyeFit {
   // Least squares with Cauchy's weights, which follow the residuals.
   void Refine() {
     constexpr int kRounds = 60;
-    constexpr double kTypicals = 3, kLeast = 1e-12, kSettled = 1e-12;
+    constexpr double kTypicals = 3, kLeast = 1e-12;
     const ceres::TinySolverAutoDiffFunction<HandEyeFit, Eigen::Dynamic, 12> function(*this);
     ceres::TinySolver<std::decay_t<decltype(function)>> solver;
     solver.options.function_tolerance = solver.options.cost_threshold = 0;
-    solver.options.parameter_tolerance = kSettled;
-    Unknowns last;
     for (int round = 0; round < kRounds; ++round) {
       const std::vector<double> lengths = Lengths(unknowns_);
       const double width = std::max(kTypicals * Median(lengths), kLeast * length_);
       for (size_t i = 0; i < lengths.size(); ++i) weights_[i] = 1 / std::hypot(width, lengths[i]);
-      last = unknowns_;
+      const Unknowns last = unknowns_;
       solver.Solve(function, &unknowns_);
-      if ((unknowns_ - last).norm() < kSettled) return;
+      if (unknowns_ == last) return;
     }
   }
 
