@@ -19,12 +19,6 @@ constexpr double kDegreesPerRad = 180 / std::numbers::pi;
 // Without the few farthest out, which may be mistakes.
 constexpr double kTail = 0.01;
 
-double Quantile(std::vector<double> values, double part) {
-  const auto at = values.begin() + std::lround(part * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 using ByFrame = std::map<int, std::vector<double>>;
 
 // Least and greatest median.

@@ -6,6 +6,9 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
+#include <vector>
+
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -79,6 +82,21 @@ Eigen::MatrixXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B)
 
 Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
   return LeastSquares(A, Eigen::MatrixXd(b));
+}
+
+Eigen::MatrixXd RobustLeastSquares(const Eigen::MatrixXd& A,
+                                   const Eigen::MatrixXd& B,
+                                   double medians) {
+  constexpr int kRounds = 10;
+  Eigen::MatrixXd X = LeastSquares(A, B);
+  for (int round = 1; round < kRounds; ++round) {
+    const Eigen::ArrayXd lengths = (A * X - B).rowwise().norm();
+    const double width = medians * Median(std::vector<double>(lengths.begin(), lengths.end()));
+    if (!(width > 0)) break;
+    const Eigen::VectorXd roots = (1 + (lengths / width).square()).rsqrt();
+    X = LeastSquares(roots.asDiagonal() * A, Eigen::MatrixXd(roots.asDiagonal() * B));
+  }
+  return X;
 }
 
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M) {

@@ -51,6 +51,11 @@ Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& A);
 /// The X of least norm among those of least |A X - B|, by the same decomposition.
 Eigen::MatrixXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+/// X of least squares with Cauchy's weights of the rows of A X - B, whose width is `medians` times
+/// their median length.
+Eigen::MatrixXd RobustLeastSquares(const Eigen::MatrixXd& A,
+                                   const Eigen::MatrixXd& B,
+                                   double medians);
 
 /// The rotation nearest to M in the Frobenius norm (singular value decomposition; determinant +1).
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& M);

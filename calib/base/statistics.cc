@@ -5,6 +5,7 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/students_t.hpp>
+#include <cmath>
 
 namespace plenocal {
 namespace {
@@ -24,6 +25,13 @@ using StudentDistribution = boost::math::students_t_distribution<double, NoThrow
 double AsSquare(double x) { return std::clamp(x, 0.0, 1e300); }
 
 }  // namespace
+
+double Quantile(std::vector<double> values, double part) {
+  if (values.empty()) return 0;
+  const auto at = values.begin() + std::lround(part * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
 
 double ChiSquareTail(double k, double x) {
   return cdf(complement(ChiSquareDistribution(k), AsSquare(x)));

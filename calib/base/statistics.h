@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Medians, and tails of distributions for significance tests.
+// Medians and quantiles, and tails of distributions for significance tests.
 #pragma once
 
 #include <algorithm>
@@ -20,6 +20,9 @@ T Median(std::vector<T> values, T if_empty = T(0)) {
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
+
+/// The value below which `part` of the values are; 0 of none.
+double Quantile(std::vector<double> values, double part);
 
 /// P(chi-square with k degrees of freedom > x). Degrees of freedom are finite here and below; a
 /// number of them that is not positive gives NaN.

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <set>
 
+#include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
 
 namespace plenocal {
@@ -21,12 +22,6 @@ constexpr double kOneDepth = 1.3;
 constexpr double kLeastTurn = 12;      // degrees, between two frames
 constexpr double kLeastMotion = 0.02;  // of the distance of the points
 constexpr double kPoorFocal = 1e-3;    // of an ordinary camera's focal length
-
-double Quantile(std::vector<double> values, double part) {
-  if (values.empty()) return 0;
-  std::ranges::sort(values);
-  return values[static_cast<size_t>(std::lround(part * static_cast<double>(values.size() - 1)))];
-}
 
 // Depths of the used observations of a camera.
 std::vector<double> DepthsOf(const Bundle& bundle, size_t c) {

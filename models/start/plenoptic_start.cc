@@ -9,7 +9,6 @@
 
 #include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
-#include "calib/base/statistics.h"
 #include "calib/start/camera_guess.h"
 
 namespace plenocal {
@@ -36,21 +35,7 @@ struct VirtualPoint {
   double variance;  // of T, up to a factor common to all points
 };
 
-/// Least squares of rows * x = values under Cauchy's weights at three median residuals.
-Eigen::VectorXd RobustSolve(const Eigen::MatrixXd& rows, const Eigen::VectorXd& values) {
-  constexpr int kIterations = 10;
-  Eigen::VectorXd weights = Eigen::VectorXd::Ones(values.size());
-  Eigen::VectorXd x;
-  for (int i = 0; i < kIterations; ++i) {
-    const Eigen::MatrixXd weighted = weights.asDiagonal() * rows;
-    x = LeastSquares(weighted, Eigen::VectorXd(weights.cwiseProduct(values)));
-    const Eigen::VectorXd residuals = (rows * x - values).cwiseAbs();
-    const double width = 3 * Median(std::vector<double>(residuals.begin(), residuals.end()));
-    if (!(width > 0)) break;
-    weights = (1 + (residuals / width).array().square()).rsqrt();
-  }
-  return x;
-}
+constexpr double kMedians = 3;  // width of Cauchy's weights
 
 struct VirtualImage {
   std::vector<View> views;  // q of each marker, px
@@ -85,7 +70,7 @@ VirtualImage FitVirtualImage(std::span<const View> views) {
         }
       }
       if (!(spread > 0)) continue;
-      const Eigen::Vector3d fit = RobustSolve(rows, measured);
+      const Eigen::Vector3d fit = RobustLeastSquares(rows, measured, kMedians);
       const double T = 1 / (1 - fit[2]);
       if (!std::isfinite(T)) continue;
       const Eigen::Vector2d q = mean + T * (fit.head<2>() - mean);
@@ -106,7 +91,7 @@ struct VirtualCamera {
 
   // a and b of T = a + b / z.
   [[nodiscard]] Eigen::Vector2d FitLine() const {
-    return RobustSolve(weight.asDiagonal() * line, weight.cwiseProduct(T));
+    return RobustLeastSquares(weight.asDiagonal() * line, weight.cwiseProduct(T), kMedians);
   }
 };
 
@@ -195,8 +180,8 @@ std::vector<StartCandidate> StartPlenoptic(const CameraModel& pinhole,
     const Eigen::VectorXd inverse_z = camera->line.col(1);
     const Eigen::VectorXd row = camera->T.array() - b_s * (1 / *f_L - inverse_z.array());
     const Eigen::VectorXd value = b_s * (1 - b_s / *f_L + b_s * inverse_z.array());
-    const double B =
-        RobustSolve(camera->weight.cwiseProduct(row), camera->weight.cwiseProduct(value))[0];
+    const double B = RobustLeastSquares(
+        camera->weight.cwiseProduct(row), camera->weight.cwiseProduct(value), kMedians)(0);
     add(*f_L, b_s - B, B);
   }
   return candidates;

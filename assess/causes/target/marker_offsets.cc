@@ -375,22 +375,7 @@ Eigen::MatrixXd Polynomials(const std::vector<Eigen::Vector2d>& at) {
 
 // Rows of `values` less a robust fit of the columns of `A`.
 Eigen::MatrixXd LessSmooth(const Eigen::MatrixXd& A, const Eigen::MatrixXd& values) {
-  constexpr int kRounds = 10;
-  constexpr double kSmallest = 1e-15;
-  Eigen::MatrixXd rest = values;
-  Eigen::VectorXd root = Eigen::VectorXd::Ones(A.rows());
-  for (int round = 0; round < kRounds; ++round) {
-    const Eigen::MatrixXd weighted = root.asDiagonal() * A;
-    rest = values - A * LeastSquares(weighted, Eigen::MatrixXd(root.asDiagonal() * values));
-    std::vector<double> lengths;
-    for (Eigen::Index i = 0; i < rest.rows(); ++i) lengths.push_back(rest.row(i).norm());
-    const double width =
-        kCauchyWidth<> * std::max(kSmallest, kSigmaPerMedianLength2d * Median(lengths));
-    for (Eigen::Index i = 0; i < rest.rows(); ++i) {
-      root[i] = std::sqrt(CauchyWeight(rest.row(i).squaredNorm() / (width * width)));
-    }
-  }
-  return rest;
+  return values - A * RobustLeastSquares(A, values, kCauchyWidth<> * kSigmaPerMedianLength2d);
 }
 
 // A bent board, a stretched print and an imperfect camera model displace the pieces smoothly: what

@@ -28,6 +28,19 @@ TEST(LeastSquares, HasTheLeastNormAmongItsMinima) {
   EXPECT_NEAR(x[1], 1, 1e-12);
 }
 
+TEST(RobustLeastSquares, DoesNotFollowAWrongRow) {
+  constexpr double kNoise = 1e-3;
+  const Eigen::Vector2d line(2, -0.5);
+  Eigen::MatrixXd A(9, 2);
+  for (Eigen::Index i = 0; i < A.rows(); ++i) A.row(i) << 1, static_cast<double>(i);
+  Eigen::MatrixXd B = A * line;
+  for (Eigen::Index i = 0; i < B.rows(); ++i) B(i) += i % 2 == 0 ? kNoise : -kNoise;
+  B(3) += 10;
+  EXPECT_NEAR((RobustLeastSquares(A, B, 3) - line).norm(), 0, 2 * kNoise);
+  B = A * line;
+  EXPECT_NEAR((RobustLeastSquares(A, B, 3) - line).norm(), 0, 1e-12);
+}
+
 TEST(SolveSymmetric, SolvesForEachColumn) {
   const Eigen::MatrixXd root = Eigen::MatrixXd::Random(6, 6), X = Eigen::MatrixXd::Random(6, 3);
   const Eigen::Matrix<double, 6, 6> A =

@@ -21,6 +21,12 @@ TEST(Statistics, TailsAndQuantilesAreThoseOfTables) {
   EXPECT_NEAR(StudentTail(-2.015048, 5), 0.95, 1e-7);
 }
 
+TEST(Statistics, QuantilesAreValues) {
+  EXPECT_EQ(Quantile({5, 1, 4, 2, 3}, 0.25), 2);
+  EXPECT_EQ(Quantile({5, 1, 4, 2, 3}, 1), 5);
+  EXPECT_EQ(Quantile({}, 0.5), 0);
+}
+
 TEST(Statistics, TailsAreKnownForSquaresOfAnySize) {
   EXPECT_EQ(ChiSquareTail(2, kInfinite), 0);
   EXPECT_EQ(FTail(kInfinite, 3, 5), 0);
