@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "calib/kernels/processors.h"
-#include "detectors/images/pictures.h"
 #include "detectors/templates/lanes.h"
 
 // At each scale of a pyramid:
@@ -403,15 +402,28 @@ void FindAtScale(const cv::Mat& scaled,
   }
 }
 
+constexpr int kSmallestSize = 16;  // px; holds three by three corners
+
 cv::Mat Half(const cv::Mat& image) {
   cv::Mat half;
   cv::resize(image, half, {}, 0.5, 0.5, cv::INTER_AREA);
   return half;
 }
 
+/// Halves the image until it is of this size at most, as long as it may hold a board. Returns the
+/// scale.
+double HalveTo(double size, cv::Mat* image) {
+  double scale = 1;
+  for (; std::max(image->cols, image->rows) > size &&
+         std::min(image->cols, image->rows) >= kSmallestSize;
+       scale /= 2) {
+    *image = Half(*image);
+  }
+  return scale;
+}
+
 /// In an image reduced by `scale`, its half, and so on.
 std::vector<CornerLattice> FindFrom(cv::Mat scaled, double scale, int min_found) {
-  constexpr int kSmallestSize = 16;  // px; holds three by three corners
   std::vector<CornerLattice> lattices;
   while (std::min(scaled.cols, scaled.rows) >= kSmallestSize) {
     FindAtScale(scaled, scale, min_found, &lattices);
@@ -438,15 +450,20 @@ CornerLattice Transposed(const CornerLattice& lattice) {
 }
 
 std::vector<CornerLattice> FindCornerLattices(const cv::Mat& gray, int min_found) {
-  const double scale = std::min(1.0, kLargestSize / std::max(gray.cols, gray.rows));
-  return FindFrom(Reduced(gray, scale), scale, min_found);
+  cv::Mat scaled = gray;
+  double scale = HalveTo(2 * kLargestSize, &scaled);
+  const double rest = kLargestSize / std::max(scaled.cols, scaled.rows);
+  if (rest < 1 && std::min(scaled.cols, scaled.rows) >= kSmallestSize) {
+    cv::resize(scaled, scaled, {}, rest, rest, cv::INTER_LINEAR);
+    scale *= rest;
+  }
+  return FindFrom(scaled, scale, min_found);
 }
 
 std::vector<CornerLattice> FindLargeCornerLattices(const cv::Mat& gray, int min_found) {
   if (std::max(gray.cols, gray.rows) <= kLargestSize) return {};
   cv::Mat scaled = gray;
-  double scale = 1;
-  for (; std::max(scaled.cols, scaled.rows) > kLargestSize / 2; scale /= 2) scaled = Half(scaled);
+  const double scale = HalveTo(kLargestSize / 2, &scaled);
   return FindFrom(scaled, scale, min_found);
 }
 
