@@ -139,19 +139,20 @@ class ImageRun {
 };
 
 std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
-  const std::string key = cache_.Key({"markers", white_key_, HashImage(image)});
+  ImageContent content(image);
+  const std::string key = cache_.Key({"markers", white_key_, content.Hash()});
   if (auto known = LoadEntry<ImageResult>(cache_, key)) {
     *result = std::move(*known);
     result->reused = true;
   }
   if (result->reused && !options_.keep) return {};
-  const cv::Mat recorded = ReadGray(image);
+  const cv::Mat recorded = content.Gray();
   const cv::Mat gray = Even(recorded, white_.attenuation);
   result->size = {gray.cols, gray.rows};
   if (!result->reused) {
     result->found = detectors_.Detect(gray);
     const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
-    result->traits = {ReadOrientation(image), area.blur, area.saturated};
+    result->traits = {content.Orientation(), area.blur, area.saturated};
     cache_.Save(key, PackEntry(*result));
   }
   if (!options_.keep) return {};

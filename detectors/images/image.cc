@@ -75,12 +75,11 @@ cv::Mat DecodePixels(const Bytes& bytes, const fs::path& path, Channels channels
   return image;
 }
 
-cv::Mat ReadPixels(const FrameImage& image, Channels channels) {
-  const StoredImage content = ReadContent(image);
-  if (content.encoding.empty()) return DecodePixels(content.bytes, image.path, channels);
-  return WithinMemory(image.path, [&] {
-    return channels == Channels::kGrey ? internal::GrayOfPixels(content, image.path)
-                                       : internal::ImageOfPixels(content, image.path);
+cv::Mat PixelsOf(const StoredImage& content, const fs::path& path, Channels channels) {
+  if (content.encoding.empty()) return DecodePixels(content.bytes, path, channels);
+  return WithinMemory(path, [&] {
+    return channels == Channels::kGrey ? internal::GrayOfPixels(content, path)
+                                       : internal::ImageOfPixels(content, path);
   });
 }
 
@@ -109,20 +108,41 @@ cv::Mat ScaledTo8Bits(const cv::Mat& image) {
   return gray;
 }
 
-cv::Mat ReadImage(const FrameImage& image) { return ReadPixels(image, Channels::kAsStored); }
-
-cv::Mat ReadRawGray(const FrameImage& image) { return ReadPixels(image, Channels::kGrey); }
-
-cv::Mat ReadGray(const FrameImage& image) { return ScaledTo8Bits(ReadRawGray(image)); }
-
-int ReadOrientation(const FrameImage& image) {
-  if (image.store && !image.store->HasFiles()) return 1;
-  const StoredImage content = ReadContent(image);
-  return content.encoding.empty() ? OrientationInHeader(content.bytes) : 1;
+cv::Mat ReadImage(const FrameImage& image) {
+  return PixelsOf(ReadContent(image), image.path, Channels::kAsStored);
 }
 
-std::string HashImage(const FrameImage& image) {
-  return image.store ? image.store->Hash(image.index) : HashFile(image.path);
+cv::Mat ReadRawGray(const FrameImage& image) {
+  return PixelsOf(ReadContent(image), image.path, Channels::kGrey);
+}
+
+cv::Mat ReadGray(const FrameImage& image) { return ImageContent(image).Gray(); }
+
+int ReadOrientation(const FrameImage& image) { return ImageContent(image).Orientation(); }
+
+std::string HashImage(const FrameImage& image) { return ImageContent(image).Hash(); }
+
+const StoredImage& ImageContent::Read() {
+  if (!content_) content_ = ReadContent(image_);
+  return *content_;
+}
+
+cv::Mat ImageContent::Gray() {
+  return ScaledTo8Bits(PixelsOf(Read(), image_.path, Channels::kGrey));
+}
+
+int ImageContent::Orientation() {
+  if (image_.store && !image_.store->HasFiles()) return 1;
+  return Read().encoding.empty() ? OrientationInHeader(Read().bytes) : 1;
+}
+
+std::string ImageContent::Hash() {
+  if (image_.store) return image_.store->Hash(image_.index);
+  try {
+    return HashBytes(Read().bytes);
+  } catch (const Error&) {
+    return {};
+  }
 }
 
 cv::Mat DecodeFloat(std::vector<std::uint8_t> content, const fs::path& place) {

@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/files/frame_images.h"
+#include "calib/files/image_store.h"
 
 namespace plenocal {
 
@@ -51,6 +53,22 @@ int ReadOrientation(const FrameImage& image);
 
 /// Differs for images that differ, wherever they lie; empty when the image cannot be read.
 std::string HashImage(const FrameImage& image);
+
+/// An image of which `ReadGray`, `HashImage` and `ReadOrientation` are needed: its bytes are read
+/// once.
+class ImageContent {
+ public:
+  explicit ImageContent(const FrameImage& image) : image_(image) {}
+  [[nodiscard]] std::string Hash();
+  [[nodiscard]] cv::Mat Gray();
+  [[nodiscard]] int Orientation();
+
+ private:
+  const StoredImage& Read();
+
+  const FrameImage& image_;
+  std::optional<StoredImage> content_;
+};
 
 /// Reads an attenuation image: TIFF of one 32-bit channel, values from 0 to 1.
 cv::Mat ReadAttenuation(const std::filesystem::path& path);
