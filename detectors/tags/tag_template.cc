@@ -138,14 +138,24 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels(int step, double reac
   pixels_.clear();
   if (!state_.G.allFinite()) return;
   const Eigen::Matrix3d inverse = state_.G.inverse();
-  Eigen::AlignedBox2d box;
   using Corner = Eigen::AlignedBox2d::CornerType;
-  for (const Corner corner :
-       {Corner::BottomLeft, Corner::BottomRight, Corner::TopLeft, Corner::TopRight}) {
-    box.extend(Distorted((inverse * window_.corner(corner).homogeneous()).hnormalized()));
+  const auto seen = [&](Corner a, Corner b) {
+    const Eigen::Vector2d middle = (window_.corner(a) + window_.corner(b)) / 2;
+    return Distorted((inverse * middle.homogeneous()).hnormalized());
+  };
+  constexpr std::array kCorners{
+      Corner::BottomLeft, Corner::BottomRight, Corner::TopRight, Corner::TopLeft};
+  Eigen::AlignedBox2d box;
+  double bend = 0;  // of the window's edges, px
+  for (std::size_t k = 0; k < kCorners.size(); ++k) {
+    const Corner here = kCorners[k], next = kCorners[(k + 1) % kCorners.size()];
+    const Eigen::Vector2d from = seen(here, here), along = seen(next, next) - from;
+    const Eigen::Vector2d middle = seen(here, next) - from;
+    box.extend(from);
+    bend = std::max(bend, std::abs(along.x() * middle.y() - along.y() * middle.x()) / along.norm());
   }
-  if (!box.sizes().allFinite()) return;
-  const double room = 2 + side_ / border_.width;
+  if (!box.sizes().allFinite() || !std::isfinite(bend)) return;
+  const double room = 1 + 2 * bend;
   const int x_first = std::max(0, static_cast<int>(std::floor(box.min().x() - room)));
   const int y_first = std::max(0, static_cast<int>(std::floor(box.min().y() - room)));
   const int x_last = std::min(gray_.cols - 1, static_cast<int>(std::ceil(box.max().x() + room)));
@@ -161,6 +171,9 @@ PLENOCAL_FOR_EACH_PROCESSOR void TagTemplate::ChoosePixels(int step, double reac
   const Eigen::Vector2f low = window_.min().cast<float>(), high = window_.max().cast<float>();
   const Eigen::Vector2f centre = centre_.cast<float>();
   const Lanes lanes{0, 1, 2, 3, 4, 5, 6, 7};
+  const auto rows = static_cast<std::size_t>((y_last - y_first) / step + 1);
+  const auto strips = static_cast<std::size_t>((x_last - x_first) / (kLanes * step) + 1);
+  pixels_.reserve(rows * strips * kLanes);
   for (int row = y_first; row <= y_last; row += step) {
     const auto* gray = gray_.ptr<unsigned char>(row);
     const Lanes d_y = Lanes{} + (static_cast<float>(row) - centre.y());
