@@ -270,11 +270,13 @@ void ProfileFit::Add(double pixel, double weight, std::span<const Contribution> 
                         basis.value[k] * part.brightness};
     }
   }
-  for (const Term& a : std::span(terms).first(count)) {
-    right_[a.index] += weight * a.value * pixel;
-    for (const Term& b : std::span(terms).first(count)) {
-      normal_(a.index, b.index) += weight * a.value * b.value;
-    }
+  for (int i = 0; i < count; ++i) {
+    const Term& a = terms[i];
+    const double weighted = weight * a.value;
+    right_[a.index] += weighted * pixel;
+    // A half of the matrix; `Solve` adds the other.
+    for (int j = 0; j < i; ++j) normal_(terms[j].index, a.index) += weighted * terms[j].value;
+    normal_(a.index, a.index) += weighted * a.value / 2;
   }
 }
 
@@ -288,7 +290,7 @@ std::vector<RadialProfile> ProfileFit::Solve() const {
   // could belong to any of the overlapping tails. A little smoothness (second differences, and zero
   // at the end) decides there and is negligible elsewhere.
   constexpr double kSmoothness = 1e-6;  // of the largest information of a coefficient
-  Eigen::MatrixXd normal = normal_;
+  Eigen::MatrixXd normal = normal_ + normal_.transpose();
   const double weight = kSmoothness * normal.diagonal().maxCoeff();
   const int count = CoefficientCount(radius_);
   for (int type = 0; type < types_; ++type) {
