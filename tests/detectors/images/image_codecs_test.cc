@@ -106,7 +106,8 @@ Bytes Png(int colour_type, int bits, bool interlaced, const std::string& further
     if (width == 0) return pixels;
     const cv::Mat noise = Noise(CV_8U, 255, (width * channels * bits + 7) / 8, height);
     for (int y = 0; y < height; ++y) {
-      pixels += '\0' + std::string(noise.ptr<char>(y), noise.ptr<char>(y) + noise.cols);
+      const auto filter = static_cast<char>(y % 5);
+      pixels += filter + std::string(noise.ptr<char>(y), noise.ptr<char>(y) + noise.cols);
     }
     return pixels;
   };
