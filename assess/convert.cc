@@ -114,7 +114,7 @@ Conversion Measure(const CameraModel& model, const Rays& rays, std::vector<doubl
 
 Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
   for (const CameraModel* each : {camera.model, &model}) {
-    if (each->central && each->config.empty()) continue;
+    if (each->IsCentral() && each->config.empty()) continue;
     throw InputError(
         "{} is no model of an ordinary camera; a camera can be converted only "
         "between these",

@@ -76,6 +76,13 @@ enum class Usage {
   kRare,    ///< hardly any
 };
 
+/// Where the rays of a camera meet.
+enum class Centre {
+  kPoint,  ///< all in the camera frame's origin: a central model
+  kAxis,   ///< all rays meet the optical axis: a pupil that moves with the angle, a flat port
+  kNone,
+};
+
 /// Ray of an image point, in the camera's frame: the scene point lies on origin + lambda *
 /// direction, lambda > 0. |direction| = 1.
 struct Ray {
@@ -170,7 +177,7 @@ struct CameraModel {
   std::span<const double> example;         ///< valid parameters, for tests
   std::span<const double> example_config;  ///< likewise
   ImageSize example_size;                  ///< image that goes with the example, px
-  bool central;                            ///< all rays meet in the camera frame's origin
+  Centre centre = Centre::kPoint;
   bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
   bool local;      ///< the image of a point depends on few of the parameters
   ModelFunctions functions;
@@ -189,6 +196,8 @@ struct CameraModel {
   /// Numbers of an observation that may follow `context`: zeros where it has none, and files may
   /// lack their columns.
   std::span<const std::string_view> optional_context = {};
+
+  [[nodiscard]] bool IsCentral() const { return centre == Centre::kPoint; }
 
   /// Predicted measured coordinates of p_cam; false outside the model's domain.
   bool Project(const double* of_params,
@@ -240,7 +249,7 @@ struct CameraModel {
 /// mathematics; derivatives follow from it.
 ///
 /// Models of ordinary cameras derive from `CentralModel` (models/start/central_model.h), which
-/// supplies kMeasured, kContext, kConfig, kCentral, kPlenoptic, and have the short signatures
+/// supplies kMeasured, kContext, kConfig, kCentre, kPlenoptic, and have the short signatures
 ///   template <typename T> static bool Project(const T* params, const Vector3<T>& p_cam, T* u);
 ///   static std::optional<Vector3d> Unproject(const double* params, const Vector2d& u);
 /// Others take config and context as well, after params:
@@ -270,7 +279,7 @@ concept CameraModelPlugin = requires(const StartProblem& problem) {
   {std::span<const Param>(M::kConfig)};
   {std::span<const std::string_view>(M::kMeasured)};
   {std::span<const std::string_view>(M::kContext)};
-  { M::kCentral } -> std::convertible_to<bool>;
+  { M::kCentre } -> std::convertible_to<Centre>;
   { M::kPlenoptic } -> std::convertible_to<bool>;
   {std::span<const double>(M::kExample)};
   {std::span<const double>(M::kExampleConfig)};
@@ -465,7 +474,7 @@ constexpr CameraModel MakeCameraModel() {
                     .example = M::kExample,
                     .example_config = M::kExampleConfig,
                     .example_size = M::kExampleSize,
-                    .central = M::kCentral,
+                    .centre = M::kCentre,
                     .plenoptic = M::kPlenoptic,
                     .local = internal::HasSupport<M>,
                     .functions = {

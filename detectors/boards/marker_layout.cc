@@ -42,7 +42,8 @@ std::vector<Pair> NearPairs(const std::vector<std::vector<NumberedSquare>>& imag
     for (const NumberedSquare& a : squares) {
       std::vector<std::pair<double, const NumberedSquare*>> others;
       for (const NumberedSquare& b : squares) {
-        if (b.id != a.id) others.emplace_back((Centre(b.corners) - Centre(a.corners)).norm(), &b);
+        if (b.id != a.id)
+          others.emplace_back((CentreOf(b.corners) - CentreOf(a.corners)).norm(), &b);
       }
       std::sort(others.begin(), others.end());
       // Of a small board the farther half are no neighbours.
@@ -50,7 +51,7 @@ std::vector<Pair> NearPairs(const std::vector<std::vector<NumberedSquare>>& imag
       for (const auto& [distance, b] : others) {
         if (b->id < a.id) continue;
         // The mean of both frames is free of perspective to first order.
-        const Eigen::Vector2d way = Centre(b->corners) - Centre(a.corners);
+        const Eigen::Vector2d way = CentreOf(b->corners) - CentreOf(a.corners);
         const Eigen::Vector2d offset =
             (Axes(a.corners).inverse() * way + Axes(b->corners).inverse() * way) / 2;
         if (!offset.allFinite()) continue;

@@ -12,7 +12,7 @@
 namespace plenocal {
 namespace {
 
-using internal::Centre;
+using internal::CentreOf;
 using internal::Prediction;
 using internal::Quad;
 using internal::QuadPoints;
@@ -76,7 +76,7 @@ std::optional<Prediction> PredictBy(const std::map<int, QuadPoints>& target,
   const SquarePlane on_plane(target.at(id));
   Eigen::Vector2d middle(0, 0);
   for (const auto& [away, other] : neighbours) {
-    middle += Centre(found.at(other)) / static_cast<double>(neighbours.size());
+    middle += CentreOf(found.at(other)) / static_cast<double>(neighbours.size());
   }
   const double scale = Side(found.at(neighbours[0].second));
   Eigen::MatrixXd rows(8 * neighbours.size(), 9);
@@ -107,7 +107,7 @@ std::optional<Prediction> PredictBy(const std::map<int, QuadPoints>& target,
 
 }  // namespace
 
-Eigen::Vector2d internal::Centre(const Quad& q) { return (q[0] + q[1] + q[2] + q[3]) / 4; }
+Eigen::Vector2d internal::CentreOf(const Quad& q) { return (q[0] + q[1] + q[2] + q[3]) / 4; }
 
 double internal::Side(const Quad& q) {
   double sum = 0;

@@ -16,7 +16,7 @@ namespace plenocal::internal {
 /// The corners of a square on the target, in the order of `Quad`.
 using QuadPoints = std::array<Eigen::Vector3d, 4>;
 
-Eigen::Vector2d Centre(const Quad& q);
+Eigen::Vector2d CentreOf(const Quad& q);
 /// Mean length of the sides.
 double Side(const Quad& q);
 bool Convex(const Quad& q);

@@ -28,7 +28,7 @@
 namespace plenocal {
 namespace {
 
-using internal::Centre;
+using internal::CentreOf;
 using internal::Convex;
 using internal::MakeTagFamily;
 using internal::Neighbours;
@@ -126,7 +126,7 @@ struct Found {
   void Add(const DecodedTag& tag) {
     const auto [at, is_new] = tags.emplace(tag.id, tag.corners);
     double& margin = margins[tag.id];
-    const double apart = (Centre(at->second) - Centre(tag.corners)).norm();
+    const double apart = (CentreOf(at->second) - CentreOf(tag.corners)).norm();
     if (!is_new && apart > Side(at->second) / 2) twice.insert(tag.id);
     if (is_new || tag.margin > margin) {
       at->second = tag.corners;
@@ -325,7 +325,7 @@ class TagDetector : public MarkerDetector {
       if (!Convex(tag.corners)) continue;
       const auto same = std::ranges::find_if(all, [&](const DecodedTag& other) {
         return other.id == tag.id &&
-               (Centre(other.corners) - Centre(tag.corners)).norm() < Side(tag.corners) / 2;
+               (CentreOf(other.corners) - CentreOf(tag.corners)).norm() < Side(tag.corners) / 2;
       });
       if (same == all.end()) {
         all.push_back(tag);
@@ -424,7 +424,7 @@ class TagDetector : public MarkerDetector {
     for (auto& c : inner) c += (box.center() - c).normalized() * std::min(reach, side / 2);
     if (!Within(inner, gray)) return false;
     for (const DecodedTag& r : reader_.Read(gray, region, 1)) {
-      const bool near = (Centre(r.corners) - Centre(expected.corners)).norm() < side;
+      const bool near = (CentreOf(r.corners) - CentreOf(expected.corners)).norm() < side;
       if (r.on_target && r.id == id && near) {
         found->Add(r);
         return true;

@@ -171,7 +171,7 @@ UndistortedImages UndistortImages(const CalibrationRecord& calibration,
   const UndistortJob job{
       request, run, calibration, camera, FindImageInputs(request.images, "images")};
   CheckImageNames(job.images);
-  return camera.model->central ? UndistortOrdinary(job) : UndistortPlenoptic(job);
+  return camera.model->plenoptic ? UndistortPlenoptic(job) : UndistortOrdinary(job);
 }
 
 }  // namespace plenocal

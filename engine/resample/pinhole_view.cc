@@ -143,7 +143,7 @@ Intrinsics Choose(std::span<const SeenImage> images, ImageSize size, const ViewO
 }  // namespace
 
 SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera) {
-  if (!camera.model->central) {
+  if (!camera.model->IsCentral()) {
     throw InputError(
         "camera '{}': {} is no model of an ordinary camera, so that no map of "
         "pixels undistorts its images",

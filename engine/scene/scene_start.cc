@@ -175,7 +175,7 @@ class PoseFinder {
     std::pair<size_t, SeenDirections> best;
     for (const bool central : {true, false}) {
       for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-        if (bundle_.cameras[c].model->central != central) continue;
+        if (bundle_.cameras[c].model->IsCentral() != central) continue;
         SeenDirections seen_points = DirectionsSeen(state_, frame_, static_cast<int>(c));
         if (seen_points.points.size() < std::max(kFewestLandmarks, best.second.points.size() + 1)) {
           continue;

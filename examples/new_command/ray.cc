@@ -23,7 +23,7 @@ struct RayArguments {
 void RunRay(const RayArguments& arguments, Console* /*console*/) {
   const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
   const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
-  if (!camera.model->central) {
+  if (!camera.model->IsCentral()) {
     throw Error(ErrorKind::kInput,
                 fmt::format("camera '{}': {} is not central: a pixel alone has no ray",
                             camera.name,

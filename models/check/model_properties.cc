@@ -325,7 +325,7 @@ void HasOneDomain(const CameraModel& model, Examination& check) {
     const double edge = check.EdgeOfDomain(phi);
     for (double theta = edge + 1e-6; theta < std::numbers::pi; theta += kScan) {
       for (const double depth : kDepths) {
-        if (!model.central && depth != 1) continue;
+        if (!model.IsCentral() && depth != 1) continue;
         Values values = check.Centre();
         check.Expect(!check.Project(depth * Direction(theta, phi), &values),
                      "imaged {:.6g} rad off the axis, beyond the edge of the domain at {:.6g} "
@@ -510,7 +510,7 @@ std::string CheckModel(const CameraModel& model, size_t* violated) {
   std::string text;
   *violated = 0;
   for (const ModelProperty& property : ModelProperties()) {
-    if (property.central_only && !model.central) {
+    if (property.central_only && !model.IsCentral()) {
       text += fmt::format("not asked  {} (of central models only)\n", property.claim);
       continue;
     }

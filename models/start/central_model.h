@@ -24,7 +24,7 @@ struct CentralModel {
   static constexpr std::array<std::string_view, 0> kContext{};
   static constexpr std::array<Param, 0> kConfig{};
   static constexpr std::array<double, 0> kExampleConfig{};
-  static constexpr bool kCentral = true;
+  static constexpr Centre kCentre = Centre::kPoint;
   static constexpr bool kPlenoptic = false;
 
   /// Whether a fisheye (`kannala-brandt4`) explains the views far better than the model's best

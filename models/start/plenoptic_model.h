@@ -73,7 +73,7 @@ struct PlenopticModel {
   static constexpr std::array<std::string_view, 2> kMeasured{"x", "y"};
   static constexpr std::array<std::string_view, 2> kContext{"lens_x", "lens_y"};
   static constexpr std::array<std::string_view, 3> kOptionalContext{"depth", "x_depth", "y_depth"};
-  static constexpr bool kCentral = false;
+  static constexpr Centre kCentre = Centre::kNone;
   static constexpr bool kPlenoptic = true;
   static constexpr std::array kExampleConfig{7.4e-6};
   static constexpr ImageSize kExampleSize{800, 780};

@@ -52,7 +52,7 @@ def models() -> list[str]:
 
 def model_info(name: str) -> dict[str, Any]:
     """Properties of the camera model of this name: source, params (name, unit, lower, upper, scale), measured, context,
-    example, example_config, example_size, central, plenoptic. Raises `InputError`."""
+    example, example_config, example_size, centre (as `Camera.centre`), plenoptic. Raises `InputError`."""
     info = _core.model_info(name)
     if not info:
         raise InputError(f"unknown camera model '{name}'; known: {', '.join(models())}")

@@ -133,7 +133,12 @@ class Camera:
     @property
     def central(self) -> bool:
         """Whether all rays meet in one point."""
-        return self._native.central
+        return self.centre == "point"
+
+    @property
+    def centre(self) -> str:
+        """Where all rays meet: "point", "axis" (the optical axis), "none"."""
+        return self._native.centre
 
     @property
     def plenoptic(self) -> bool:

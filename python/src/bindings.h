@@ -28,6 +28,12 @@ void BindTarget(nb::module_& module);
 void BindViews(nb::module_& module);
 void BindModels(nb::module_& module);
 
+/// "point", "axis" or "none".
+inline const char* NameOf(Centre centre) {
+  constexpr const char* kNames[]{"point", "axis", "none"};
+  return kNames[static_cast<size_t>(centre)];
+}
+
 /// Rows of numbers that numpy owns.
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<nb::numpy, double>;

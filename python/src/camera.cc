@@ -311,7 +311,7 @@ void BindCamera(nb::module_& module) {
       .def_ro("image_size", &Camera::image_size)
       .def_ro("at_bound", &Camera::at_bound)
       .def_prop_ro("model", [](const Camera& camera) { return std::string(camera.model->name); })
-      .def_prop_ro("central", [](const Camera& camera) { return camera.model->central; })
+      .def_prop_ro("centre", [](const Camera& camera) { return NameOf(camera.model->centre); })
       .def_prop_ro("plenoptic", [](const Camera& camera) { return camera.model->plenoptic; })
       .def_prop_ro("measured", [](const Camera& camera) { return Strings(camera.model->measured); })
       .def_prop_ro("context", [](const Camera& camera) { return Strings(camera.model->context); })

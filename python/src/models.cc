@@ -211,7 +211,6 @@ CameraModel TableOf(const PythonModel& own, ImageSize size) {
           .example = own.example,
           .example_config = {},
           .example_size = size,
-          .central = true,
           .plenoptic = false,
           .local = false,
           .functions = {.project = &ProjectOne,

@@ -56,7 +56,7 @@ nb::dict ModelInfo(const std::string& name) {
   info["example_config"] =
       ToArray(std::vector<double>(model->example_config.begin(), model->example_config.end()));
   info["example_size"] = nb::make_tuple(model->example_size[0], model->example_size[1]);
-  info["central"] = model->central;
+  info["centre"] = NameOf(model->centre);
   info["plenoptic"] = model->plenoptic;
   return info;
 }

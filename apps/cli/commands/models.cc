@@ -31,9 +31,10 @@ void PrintModel(const CameraModel& model) {
     }
   }
   fmt::print("{}\n  source      {}\n", model.name, model.source);
-  fmt::print("  kind        {}\n",
-             model.central ? "central: all rays meet in one point"
-                           : "non-central: rays have no common point");
+  constexpr const char* kKinds[]{"central: all rays meet in one point",
+                                 "axial: all rays meet the optical axis",
+                                 "non-central: rays have no common point"};  // as in `Centre`
+  fmt::print("  kind        {}\n", kKinds[static_cast<size_t>(model.centre)]);
   fmt::print("  parameters  {}", fmt::join(params, ", "));
   if (!coefficients.empty()) {
     fmt::print(", {} ... {}: {} coefficients",

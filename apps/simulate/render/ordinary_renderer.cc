@@ -58,7 +58,7 @@ class OrdinaryRenderer : public Renderer {
     const auto count = static_cast<size_t>(columns) * static_cast<size_t>(rows);
     stride_ = static_cast<size_t>(columns);
     directions_.assign(count, Eigen::Vector3f::Zero());
-    if (!camera_.model->central) origins_.assign(count, Eigen::Vector3f::Zero());
+    if (!camera_.model->IsCentral()) origins_.assign(count, Eigen::Vector3f::Zero());
     for (int y = 0; y < rows; ++y) {
       for (int x = 0; x < columns; ++x) {
         const Eigen::Vector2d u(x - margin_ - 0.5, y - margin_ - 0.5);

@@ -228,7 +228,7 @@ TEST_F(CompareCommand, ConversionsToEveryModelCanBeRead) {
       "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
   int converted = 0, exact = 0;
   for (const CameraModel& model : CameraModels()) {
-    if (!model.central) continue;
+    if (!model.IsCentral()) continue;
     ++converted;
     SCOPED_TRACE(model.name);
     const Outcome there =

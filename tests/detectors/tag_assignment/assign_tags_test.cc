@@ -49,7 +49,7 @@ class Image {
       ReadTag& quad = read.emplace_back();
       quad.id = id;
       for (std::size_t k = 0; k < 4; ++k) quad.corners[k] = Project(pose * points[k]);
-      const Eigen::Vector2d centre = Centre(quad.corners);
+      const Eigen::Vector2d centre = CentreOf(quad.corners);
       for (Eigen::Vector2d& corner : quad.corners) {
         corner += outline * (corner - centre).normalized() + Noise();
       }
