@@ -140,18 +140,23 @@ double SupportedDifference(const Calibration& a,
 
 ImageCovariance::ImageCovariance(const CalibratedCamera& camera) : finite_(camera.covariance) {
   for (Eigen::Index k = 0; k < finite_.rows(); ++k) {
-    if (std::isfinite(finite_(k, k))) continue;
+    open_.push_back(!std::isfinite(finite_(k, k)));
+    if (!open_.back()) continue;
     finite_.row(k).setZero();
     finite_.col(k).setZero();
-    open_.push_back(k);
   }
 }
 
-Eigen::MatrixXd ImageCovariance::Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J) const {
-  Eigen::MatrixXd covariance = J * finite_ * J.transpose();
-  for (const Eigen::Index k : open_) {
+Eigen::MatrixXd ImageCovariance::Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J,
+                                           const std::vector<size_t>& support) const {
+  Eigen::MatrixXd covariance = support.empty()
+                                   ? Eigen::MatrixXd(J * finite_ * J.transpose())
+                                   : Eigen::MatrixXd(J * finite_(support, support) * J.transpose());
+  for (Eigen::Index i = 0; i < J.cols(); ++i) {
+    const auto column = static_cast<size_t>(i);
+    if (!open_[support.empty() ? column : support[column]]) continue;
     for (Eigen::Index r = 0; r < J.rows(); ++r) {
-      if (J(r, k) != 0) covariance(r, r) = std::numeric_limits<double>::infinity();
+      if (J(r, i) != 0) covariance(r, r) = std::numeric_limits<double>::infinity();
     }
   }
   return covariance;

@@ -31,13 +31,14 @@ class ImageCovariance {
  public:
   explicit ImageCovariance(const CalibratedCamera& camera);
 
-  /// px^2. `J`: derivatives of the measured coordinates (rows) by the parameters. Infinite where a
-  /// parameter that is not determined has an effect.
-  [[nodiscard]] Eigen::MatrixXd Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J) const;
+  /// px^2. `J`: derivatives of the measured coordinates (rows) by the parameters in `support`; by
+  /// all where that is empty. Infinite where a parameter that is not determined has an effect.
+  [[nodiscard]] Eigen::MatrixXd Propagate(const Eigen::Ref<const Eigen::MatrixXd>& J,
+                                          const std::vector<size_t>& support) const;
 
  private:
   Eigen::MatrixXd finite_;
-  std::vector<Eigen::Index> open_;  // parameters
+  std::vector<bool> open_;  // per parameter
 };
 
 }  // namespace plenocal

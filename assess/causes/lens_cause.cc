@@ -51,7 +51,8 @@ std::optional<LensCause> FindLensCause(const CalibrationInput& input,
   double least = own.value_or(std::numeric_limits<double>::infinity());
   for (const CameraModel& model : models) {
     // A model of local coefficients describes any lens: it explains nothing.
-    if (&model == camera.model || model.local || !OfOneKind(model, *camera.model)) continue;
+    if (&model == camera.model || model.support_size > 0 || !OfOneKind(model, *camera.model))
+      continue;
     const std::optional<double> median = MedianUnder(model, camera, input.markers);
     if (!median) continue;
     candidates.push_back({&model, *median});

@@ -25,7 +25,7 @@ void RefuseRecord(const CalibrationRecord& calibration) {
     throw InputError("{}: calibrated from scene points; next views are for a target", file);
   }
   for (const CalibratedCamera& camera : calibration.cameras) {
-    if (!camera.model->local) continue;
+    if (camera.model->support_size == 0) continue;
     throw InputError(
         "{}: camera {} has the model {}, whose many parameters are local; "
         "calibrate with a model of few parameters and follow the suggestions "

@@ -122,11 +122,15 @@ struct ReplicateResidual {
   double redundancy = 0;  ///< its coordinates less its share of the fit's unknowns
 };
 
-/// Memory for a projection and its derivatives; row-major, one row a measured coordinate.
+/// Memory for a projection and its derivatives; row-major, one row a measured coordinate. Null: not
+/// needed (`predicted` and J_point always are).
 struct ProjectionOutput {
   double* predicted = nullptr;  ///< measured coordinates
-  double* J_params = nullptr;   ///< measured x params; null: not needed
+  double* J_params = nullptr;   ///< measured x params
   double* J_point = nullptr;    ///< measured x 3, by p_cam
+  /// Receives the `support_size` indices of the parameters on which the point depends, and J_params
+  /// their columns only. Null, or a model whose `support_size` is 0: the columns of all.
+  size_t* support = nullptr;
 };
 
 struct CameraModel;
@@ -179,9 +183,9 @@ struct CameraModel {
   ImageSize example_size;                  ///< image that goes with the example, px
   Centre centre = Centre::kPoint;
   bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
-  bool local;      ///< the image of a point depends on few of the parameters
   ModelFunctions functions;
   const void* self = nullptr;  ///< data of the model's own, for `functions`
+  size_t support_size = 0;     ///< parameters on which one point depends; 0: all
 
   /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
   /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.
@@ -207,7 +211,7 @@ struct CameraModel {
                double* predicted) const {
     return functions.project(*this, of_params, of_config, values, p_cam, predicted);
   }
-  /// `Project` with derivatives; all pointers of `out` but `J_params` are needed.
+  /// `Project` with derivatives.
   bool ProjectWithJacobian(const double* of_params,
                            const double* of_config,
                            const double* values,
@@ -311,6 +315,15 @@ concept HasSupport = requires(const double* params, const Eigen::Vector3d& p_cam
   M::Support(params, p_cam);
 };
 
+template <typename M>
+constexpr size_t SupportSize() {
+  if constexpr (HasSupport<M>) {
+    return std::tuple_size_v<decltype(M::Support(nullptr, Eigen::Vector3d()))>;
+  } else {
+    return 0;
+  }
+}
+
 // For models with `Support`: derivatives by the parameters that count only.
 template <CameraModelPlugin M>
 requires HasSupport<M>
@@ -321,7 +334,7 @@ bool ProjectWithLocalJacobian(const double* params,
                               const ProjectionOutput& out) {
   constexpr size_t kMeasuredCount = M::kMeasured.size();
   const auto support = M::Support(params, p_cam);
-  constexpr size_t kCount = std::tuple_size_v<std::remove_const_t<decltype(support)>>;
+  constexpr size_t kCount = SupportSize<M>();
   using Jet = ceres::Jet<double, static_cast<int>(kCount) + 3>;
   thread_local std::array<Jet, M::kParams.size()> params_jet;  // what is not read stays unset
   for (size_t i = 0; i < kCount; ++i) {
@@ -331,14 +344,15 @@ bool ProjectWithLocalJacobian(const double* params,
   for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], static_cast<int>(kCount) + i);
   std::array<Jet, kMeasuredCount> predicted_jet;
   if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  if (out.J_params != nullptr) {
-    std::fill_n(out.J_params, kMeasuredCount * M::kParams.size(), 0.0);
-  }
+  const bool is_dense = out.support == nullptr;
+  const size_t width = is_dense ? M::kParams.size() : kCount;
+  if (out.J_params != nullptr && is_dense) std::fill_n(out.J_params, kMeasuredCount * width, 0.0);
+  if (!is_dense) std::ranges::copy(support, out.support);
   for (size_t r = 0; r < kMeasuredCount; ++r) {
     out.predicted[r] = predicted_jet[r].a;
     const auto& v = predicted_jet[r].v;
     for (size_t i = 0; i < kCount && out.J_params != nullptr; ++i) {
-      out.J_params[r * M::kParams.size() + support[i]] = v[static_cast<Eigen::Index>(i)];
+      out.J_params[r * width + (is_dense ? support[i] : i)] = v[static_cast<Eigen::Index>(i)];
     }
     for (size_t i = 0; i < 3; ++i) {
       out.J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
@@ -476,7 +490,6 @@ constexpr CameraModel MakeCameraModel() {
                     .example_size = M::kExampleSize,
                     .centre = M::kCentre,
                     .plenoptic = M::kPlenoptic,
-                    .local = internal::HasSupport<M>,
                     .functions = {
                         .project = &internal::ProjectPoint<M>,
                         .project_with_jacobian = &internal::DifferentiatePoint<M>,
@@ -484,6 +497,7 @@ constexpr CameraModel MakeCameraModel() {
                         .start = [](const CameraModel&,
                                     const StartProblem& problem) { return M::Start(problem); },
                     }};
+  model.support_size = internal::SupportSize<M>();
   internal::AddOptional<M>(&model);
   return model;
 }

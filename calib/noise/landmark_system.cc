@@ -255,7 +255,8 @@ class LandmarkReduction {
     Eigen::Index next = 0;
     for (size_t k = 0; k < params.size(); ++k) {
       const auto column = static_cast<Eigen::Index>(k);
-      if (params[k] < 0 || (camera.model->local && J_params_.col(column).isZero(0))) continue;
+      if (params[k] < 0 || (camera.model->support_size > 0 && J_params_.col(column).isZero(0)))
+        continue;
       rows_.columns.push_back(params[k]);
       rows_.J.col(next++) = J_params_.col(column);
     }

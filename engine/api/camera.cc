@@ -69,16 +69,19 @@ std::optional<std::array<double, 4>> Camera::Covariance(
   std::array<double, kMaxObservationSize> values{};
   std::array<double, 2> pixel{};
   using RowMajor = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
-  RowMajor J_params(2, static_cast<Eigen::Index>(camera.params.size()));
+  std::vector<size_t> support(camera.model->support_size);
+  const size_t columns = support.empty() ? camera.params.size() : support.size();
+  RowMajor J_params(2, static_cast<Eigen::Index>(columns));
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_point;
-  if (!camera.model->ProjectWithJacobian(camera.params.data(),
-                                         camera.config.data(),
-                                         values.data(),
-                                         {p_camera[0], p_camera[1], p_camera[2]},
-                                         {pixel.data(), J_params.data(), J_point.data()})) {
+  if (!camera.model->ProjectWithJacobian(
+          camera.params.data(),
+          camera.config.data(),
+          values.data(),
+          {p_camera[0], p_camera[1], p_camera[2]},
+          {pixel.data(), J_params.data(), J_point.data(), support.data()})) {
     return std::nullopt;
   }
-  const Eigen::Matrix2d C = ImageCovariance(camera).Propagate(J_params);
+  const Eigen::Matrix2d C = ImageCovariance(camera).Propagate(J_params, support);
   return std::array{C(0, 0), C(0, 1), C(1, 0), C(1, 1)};
 }
 

@@ -87,7 +87,7 @@ std::vector<double> ParamsOf(const FirstCamera& camera) {
 }
 
 void CheckCamera(const FirstCamera& camera) {
-  if (!camera.model->config.empty() || camera.model->plenoptic || camera.model->local) {
+  if (!camera.model->config.empty() || camera.model->plenoptic || camera.model->support_size > 0) {
     throw InputError(
         "{}: the model {} needs more than a lens angle; record a few images, "
         "calibrate, and ask for suggestions then",

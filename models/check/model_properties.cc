@@ -179,6 +179,7 @@ class Examination {
                (J_alone - all_J_point).norm() <= 1e-13 * all_J_point.norm(),
            "derivatives by the point at {} depend on whether those by parameters are needed",
            Text(p_cam));
+    CheckSupport(p_cam, values, J_params);
     const double image = farthest + all_J_point.cwiseAbs().maxCoeff() * p_cam.norm();
     for (size_t k = 0; k < count + 3; ++k) {
       const bool is_param = k < count;
@@ -205,6 +206,29 @@ class Examination {
                by_difference);
       }
     }
+  }
+
+  // Compares the columns of the parameters on which a point depends with all of them.
+  void CheckSupport(const Eigen::Vector3d& p_cam, const Values& values, std::vector<double> J) {
+    const size_t rows = model_.measured.size(), width = model_.support_size;
+    if (width == 0) return;
+    std::vector<double> J_own(rows * width), J_point(rows * 3), predicted(rows);
+    std::vector<size_t> support(width);
+    model_.ProjectWithJacobian(Params(),
+                               Config(),
+                               values.data(),
+                               p_cam,
+                               {.predicted = predicted.data(),
+                                .J_params = J_own.data(),
+                                .J_point = J_point.data(),
+                                .support = support.data()});
+    for (size_t r = 0; r < rows; ++r) {
+      for (size_t i = 0; i < width; ++i)
+        J[r * model_.params.size() + support[i]] -= J_own[r * width + i];
+    }
+    Expect(std::ranges::all_of(J, [](double value) { return value == 0; }),
+           "derivatives at {} by the parameters on which it depends are not those by all",
+           Text(p_cam));
   }
 
   [[nodiscard]] const double* Params() const { return model_.example.data(); }

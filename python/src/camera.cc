@@ -189,7 +189,7 @@ Numbers Uncertainty(const CalibratedCamera& camera,
     ForEachJacobian(
         camera, points, context, [&](size_t i, const auto&, const auto& J_params, const auto&) {
           const Eigen::Map<const Matrix> J(J_params.data(), measured, params);
-          const Matrix covariance = image.Propagate(J);
+          const Matrix covariance = image.Propagate(J, {});
           std::copy_n(covariance.data(),
                       covariance.size(),
                       out + i * static_cast<size_t>(covariance.size()));

@@ -212,7 +212,6 @@ CameraModel TableOf(const PythonModel& own, ImageSize size) {
           .example_config = {},
           .example_size = size,
           .plenoptic = false,
-          .local = false,
           .functions = {.project = &ProjectOne,
                         .project_with_jacobian = &ProjectWithJacobian,
                         .unproject = &UnprojectOne,

@@ -11,7 +11,7 @@ ViewProducts::ViewProducts(const Bundle& bundle, const UnknownLayout& layout, si
       layout_(layout),
       camera_(bundle.cameras[camera]),
       rows_(static_cast<Eigen::Index>(camera_.model->measured.size())),
-      sparse_(camera_.model->local || bundle.targets.size() > 1),
+      sparse_(camera_.model->support_size > 0 || bundle.targets.size() > 1),
       extrinsics_(layout.extrinsics[camera] >= 0),
       M_sum_(decltype(M_sum_)::Zero()),
       marker_square_(Eigen::Matrix3d::Zero()) {

@@ -11,7 +11,7 @@ namespace {
 // free parameters beside some fixed ones have a block without these.
 bool LeavesOutFixed(const BundleCamera& camera) {
   const auto fixed = std::count(camera.fixed.begin(), camera.fixed.end(), true);
-  return camera.model->local && fixed > 0 && fixed < std::ssize(camera.fixed);
+  return camera.model->support_size > 0 && fixed > 0 && fixed < std::ssize(camera.fixed);
 }
 
 // Distributes the parameters of all cameras over blocks; cameras that have a parameter in common

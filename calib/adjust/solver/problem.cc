@@ -329,7 +329,8 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
 
 bool AdjustProblem::EstimatesLocalModel() const {
   return std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {
-    return c.model->local && std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
+    return c.model->support_size > 0 &&
+           std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
   });
 }
 

@@ -167,7 +167,7 @@ TEST_F(SimulatedLens, OfASplineIsFoundWithinItsUncertainty) {
 TEST_F(SimulatedLens, ExactPointsGiveEveryModelBack) {
   int models = 0;
   for (const CameraModel& model : CameraModels()) {
-    if (!model.IsCentral() || model.local) continue;
+    if (!model.IsCentral() || model.support_size > 0) continue;
     ++models;
     SCOPED_TRACE(model.name);
     Simulate(std::string(model.name), ExampleOf(model), 12, 3, 0, model.example_size);
