@@ -133,10 +133,17 @@ struct ProjectionOutput {
   size_t* support = nullptr;
 };
 
+/// Points that are projected together (calib/camera/project_points.h).
+struct PointBlock {
+  size_t count = 0;
+  const double* p = nullptr;       ///< count x 3, m
+  const double* values = nullptr;  ///< of observations, count x kMaxObservationSize; null: zeros
+};
+
 struct CameraModel;
 
 /// The functions of a `CameraModel`, which they get as first argument; its member functions call
-/// them and describe them. The last three may be null.
+/// them and describe them. Those after `start` may be null.
 struct ModelFunctions {
   bool (*project)(const CameraModel& model,
                   const double* params,
@@ -164,6 +171,13 @@ struct ModelFunctions {
   std::string (*remedy)(const CameraModel& model,
                         std::span<const size_t> weak,
                         const DepthRange& seen) = nullptr;
+  /// All points of a block, as `ProjectPoints`, but here all x lie together, then all y, and so on:
+  /// column i of `out.J_params` is by parameter i. J_params and J_point may be null; no support.
+  void (*project_block)(const CameraModel& model,
+                        const double* params,
+                        const double* config,
+                        const PointBlock& in,
+                        const ProjectionOutput& out) = nullptr;
 };
 
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what

@@ -16,12 +16,15 @@
 #include "assess/projection.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
+#include "calib/camera/project_points.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
 #include "python/src/run.h"
 
 namespace plenocal::python {
 namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -81,96 +84,55 @@ CalibratedCamera MakeCamera(const std::string& name,
   return camera;
 }
 
-/// The numbers of an observation that its model takes beside the point.
-class Contexts {
- public:
-  Contexts(const CameraModel& model, const Rows* context) : model_(model), context_(context) {}
-
-  /// Puts those of row i behind the measured coordinates.
-  void Put(size_t i, double* values) const {
-    if (context_ == nullptr) return;
-    const size_t n = model_.context.size();
-    std::copy_n(context_->data() + i * n, n, values + model_.measured.size());
+/// Observations (N x kMaxObservationSize) of these measured coordinates and contexts, zeros where
+/// not given.
+std::vector<double> ValuesOf(const CameraModel& model,
+                             size_t count,
+                             const Rows* pixels,
+                             const std::optional<Rows>& context) {
+  std::vector<double> values(count * kMaxObservationSize);
+  const size_t measured = model.measured.size(), n = model.context.size();
+  for (size_t i = 0; i < count; ++i) {
+    double* const own = values.data() + i * kMaxObservationSize;
+    if (pixels != nullptr) std::copy_n(pixels->data() + i * measured, measured, own);
+    if (context) std::copy_n(context->data() + i * n, n, own + measured);
   }
+  return values;
+}
 
- private:
-  const CameraModel& model_;
-  const Rows* context_;
-};
+/// `ProjectPoints` of arrays from Python.
+void ProjectAll(const CalibratedCamera& camera,
+                const Rows& points,
+                const std::optional<Rows>& context,
+                const ProjectionOutput& out) {
+  const size_t count = points.shape(0);
+  std::vector<double> values;
+  if (context) values = ValuesOf(*camera.model, count, nullptr, context);
+  ProjectPoints(*camera.model,
+                camera.params.data(),
+                camera.config.data(),
+                {count, points.data(), context ? values.data() : nullptr},
+                out);
+}
 
 Numbers Project(const CalibratedCamera& camera,
                 const Rows& points,
                 const std::optional<Rows>& context) {
-  const CameraModel& model = *camera.model;
-  const size_t count = points.shape(0), measured = model.measured.size();
-  Numbers projected = NewArray({count, measured});
-  double* const out = projected.data();
-  const double* const p = points.data();
-  const Contexts contexts(model, context ? &*context : nullptr);
-  Call([&] {
-    std::array<double, kMaxObservationSize> values{};
-    for (size_t i = 0; i < count; ++i) {
-      contexts.Put(i, values.data());
-      const Eigen::Vector3d p_cam(p[3 * i], p[3 * i + 1], p[3 * i + 2]);
-      if (!model.Project(camera.params.data(),
-                         camera.config.data(),
-                         values.data(),
-                         p_cam,
-                         out + i * measured)) {
-        std::fill_n(out + i * measured, measured, kNan);
-      }
-    }
-  });
+  Numbers projected = NewArray({points.shape(0), camera.model->measured.size()});
+  Call([&] { ProjectAll(camera, points, context, {.predicted = projected.data()}); });
   return projected;
-}
-
-/// Calls `use(i, predicted, J_params, J_point)` for all points, whose numbers are NaN outside of
-/// the model's domain.
-template <typename Use>
-void ForEachJacobian(const CalibratedCamera& camera,
-                     const Rows& points,
-                     const std::optional<Rows>& context,
-                     const Use& use) {
-  const CameraModel& model = *camera.model;
-  const size_t measured = model.measured.size(), params = model.params.size();
-  const Contexts contexts(model, context ? &*context : nullptr);
-  std::array<double, kMaxObservationSize> values{};
-  std::vector<double> predicted(measured), J_params(measured * params), J_point(measured * 3);
-  for (size_t i = 0; i < points.shape(0); ++i) {
-    contexts.Put(i, values.data());
-    const Eigen::Vector3d p_cam(points(i, 0), points(i, 1), points(i, 2));
-    if (!model.ProjectWithJacobian(camera.params.data(),
-                                   camera.config.data(),
-                                   values.data(),
-                                   p_cam,
-                                   {predicted.data(), J_params.data(), J_point.data()})) {
-      std::ranges::fill(predicted, kNan);
-      std::ranges::fill(J_params, kNan);
-      std::ranges::fill(J_point, kNan);
-    }
-    use(i, predicted, J_params, J_point);
-  }
 }
 
 nb::tuple Jacobian(const CalibratedCamera& camera,
                    const Rows& points,
                    const std::optional<Rows>& context) {
-  const size_t count = points.shape(0), measured = camera.model->measured.size(),
-               params = camera.params.size();
-  Numbers values = NewArray({count, measured}), by_params = NewArray({count, measured, params}),
+  const size_t count = points.shape(0), measured = camera.model->measured.size();
+  Numbers values = NewArray({count, measured}),
+          by_params = NewArray({count, measured, camera.params.size()}),
           by_point = NewArray({count, measured, 3});
-  double *const v = values.data(), *const a = by_params.data(), *const b = by_point.data();
-  Call([&] {
-    ForEachJacobian(
-        camera,
-        points,
-        context,
-        [&](size_t i, const auto& predicted, const auto& J_params, const auto& J_point) {
-          std::ranges::copy(predicted, v + i * measured);
-          std::ranges::copy(J_params, a + i * measured * params);
-          std::ranges::copy(J_point, b + i * measured * 3);
-        });
-  });
+  const ProjectionOutput out{
+      .predicted = values.data(), .J_params = by_params.data(), .J_point = by_point.data()};
+  Call([&] { ProjectAll(camera, points, context, out); });
   return nb::make_tuple(values, by_params, by_point);
 }
 
@@ -178,22 +140,29 @@ nb::tuple Jacobian(const CalibratedCamera& camera,
 Numbers Uncertainty(const CalibratedCamera& camera,
                     const Rows& points,
                     const std::optional<Rows>& context) {
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto measured = static_cast<Eigen::Index>(camera.model->measured.size()),
-             params = static_cast<Eigen::Index>(camera.params.size());
-  Numbers covariances =
-      NewArray({points.shape(0), static_cast<size_t>(measured), static_cast<size_t>(measured)});
+  const size_t count = points.shape(0), measured = camera.model->measured.size(),
+               own = camera.model->support_size, columns = own > 0 ? own : camera.params.size();
+  Numbers covariances = NewArray({count, measured, measured});
   double* const out = covariances.data();
   Call([&] {
     const ImageCovariance image(camera);
-    ForEachJacobian(
-        camera, points, context, [&](size_t i, const auto&, const auto& J_params, const auto&) {
-          const Eigen::Map<const Matrix> J(J_params.data(), measured, params);
-          const Matrix covariance = image.Propagate(J, {});
-          std::copy_n(covariance.data(),
-                      covariance.size(),
-                      out + i * static_cast<size_t>(covariance.size()));
-        });
+    std::vector<double> predicted(count * measured), J_params(count * measured * columns);
+    std::vector<size_t> supports(count * own);
+    ProjectAll(camera,
+               points,
+               context,
+               {.predicted = predicted.data(),
+                .J_params = J_params.data(),
+                .support = own > 0 ? supports.data() : nullptr});
+    for (size_t i = 0; i < count; ++i) {
+      const RowMajor covariance =
+          image.Propagate(Eigen::Map<const RowMajor>(J_params.data() + i * measured * columns,
+                                                     static_cast<Eigen::Index>(measured),
+                                                     static_cast<Eigen::Index>(columns)),
+                          {supports.begin() + static_cast<std::ptrdiff_t>(i * own),
+                           supports.begin() + static_cast<std::ptrdiff_t>((i + 1) * own)});
+      std::copy_n(covariance.data(), measured * measured, out + i * measured * measured);
+    }
   });
   return covariances;
 }
@@ -202,17 +171,14 @@ nb::tuple Rays(const CalibratedCamera& camera,
                const Rows& pixels,
                const std::optional<Rows>& context) {
   const CameraModel& model = *camera.model;
-  const size_t count = pixels.shape(0), measured = model.measured.size();
+  const size_t count = pixels.shape(0);
   Numbers origins = NewArray({count, 3}), directions = NewArray({count, 3});
   double *const o = origins.data(), *const d = directions.data();
-  const Contexts contexts(model, context ? &*context : nullptr);
+  const std::vector<double> values = ValuesOf(model, count, &pixels, context);
   Call([&] {
-    std::array<double, kMaxObservationSize> values{};
     for (size_t i = 0; i < count; ++i) {
-      std::copy_n(pixels.data() + i * measured, measured, values.data());
-      contexts.Put(i, values.data());
-      const std::optional<Ray> ray =
-          model.Unproject(camera.params.data(), camera.config.data(), values.data());
+      const std::optional<Ray> ray = model.Unproject(
+          camera.params.data(), camera.config.data(), values.data() + i * kMaxObservationSize);
       for (Eigen::Index k = 0; k < 3; ++k) {
         o[3 * i + static_cast<size_t>(k)] = ray ? ray->origin[k] : kNan;
         d[3 * i + static_cast<size_t>(k)] = ray ? ray->direction[k] : kNan;

@@ -22,6 +22,7 @@
 namespace plenocal::python {
 namespace {
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// A Python object that is a camera model, and the text to which its table refers. It is never
@@ -76,97 +77,143 @@ std::optional<RowMajor> ProjectRows(const PythonModel& model,
   return projected;
 }
 
-bool ProjectOne(const CameraModel& model,
-                const double* params,
-                const double* /*config*/,
-                const double* /*values*/,
-                const Eigen::Vector3d& p_cam,
-                double* predicted) {
-  const auto n = static_cast<Eigen::Index>(model.params.size());
-  const auto projected = ProjectRows(
-      PythonModelOf(model), Eigen::Map<const RowMajor>(params, 1, n), p_cam.transpose());
-  if (!projected || !projected->allFinite()) return false;
-  std::copy_n(projected->data(), 2, predicted);
-  return true;
-}
-
 /// Along its ray a point does not move in the image: what differences leave of that is rounding.
 /// Where it is more, the model depends on the distance, and `models check` is to find it.
-void RemoveRadialRounding(const Eigen::Vector3d& p_cam,
-                          const Eigen::RowVector2d& u,
-                          double* J_point) {
+Eigen::Matrix<double, 2, 3> WithoutRadialRounding(const Eigen::Matrix<double, 2, 3>& J,
+                                                  const Eigen::Vector3d& p,
+                                                  const Eigen::Vector2d& u) {
   constexpr double kRounding = 1e-7;
-  Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J(J_point);
-  const Eigen::Vector2d along = J * p_cam;
-  if (along.cwiseAbs().maxCoeff() > kRounding * (1 + u.cwiseAbs().maxCoeff())) return;
-  J -= along * p_cam.transpose() / p_cam.squaredNorm();
+  const Eigen::Vector2d along = J * p;
+  if (along.cwiseAbs().maxCoeff() > kRounding * (1 + u.cwiseAbs().maxCoeff())) return J;
+  return J - along * p.transpose() / p.squaredNorm();
 }
 
-/// Central differences; one-sided where a neighbour is outside of the domain.
-bool ProjectWithDifferences(const PythonModel& model,
-                            const double* params,
-                            const Eigen::Vector3d& p_cam,
-                            const ProjectionOutput& out) {
+/// Projections of a block of points: a row each point; derivatives of x, then those of y.
+struct BlockRows {
+  BlockRows(const PointBlock& in, const ProjectionOutput& out, size_t params)
+      : p(in.p, static_cast<Eigen::Index>(in.count), 3),
+        predicted(out.predicted, p.rows(), 2),
+        J_params(out.J_params, p.rows(), out.J_params ? 2 * static_cast<Eigen::Index>(params) : 0),
+        J_point(out.J_point, p.rows(), out.J_point ? 6 : 0) {}
+
+  Eigen::Map<const Eigen::MatrixXd> p;
+  Eigen::Map<Eigen::MatrixXd> predicted, J_params, J_point;
+};
+
+/// Central differences; one-sided where a neighbour is outside of the domain. All points and their
+/// neighbours in one call.
+void ProjectWithDifferences(const PythonModel& model,
+                            const Eigen::RowVectorXd& params,
+                            BlockRows* block) {
   // Truncation and rounding of a central difference are equally small at this relative step.
   static const double kStep = std::cbrt(std::numeric_limits<double>::epsilon());
-  const auto n = static_cast<Eigen::Index>(model.params.size()), unknowns = n + 3;
-  const Eigen::Index first = out.J_params != nullptr ? 0 : n;
-  RowMajor cameras(2 * unknowns + 1, n), points(2 * unknowns + 1, 3);
-  cameras.rowwise() = Eigen::Map<const Eigen::RowVectorXd>(params, n);
-  points.rowwise() = p_cam.transpose();
-  Eigen::VectorXd steps(unknowns);
-  for (Eigen::Index k = first; k < unknowns; ++k) {
-    const Param* const param = k < n ? &model.params[static_cast<size_t>(k)] : nullptr;
-    const double size = param ? std::max({std::abs(params[k]), param->scale, kStep}) : p_cam.norm();
-    steps[k] = kStep * size;
+  const Eigen::Index n = params.size(), count = block->p.rows();
+  const Eigen::Index first = block->J_params.cols() > 0 ? 0 : n,
+                     last = block->J_point.cols() > 0 ? n + 3 : n;
+  const auto row_of = [&](Eigen::Index k, int side) {
+    return (2 * (k - first) + side + 1) * count;
+  };
+  RowMajor cameras = params.replicate(row_of(last, 0), 1),
+           points = block->p.replicate(2 * (last - first) + 1, 1);
+  Eigen::MatrixXd steps(count, n + 3);
+  for (Eigen::Index k = first; k < last; ++k) {
+    if (k < n) {
+      const double scale = model.params[static_cast<size_t>(k)].scale;
+      steps.col(k).setConstant(kStep * std::max({std::abs(params[k]), scale, kStep}));
+    } else {
+      steps.col(k) = kStep * block->p.rowwise().norm();
+    }
     for (const int side : {0, 1}) {
-      double& value = k < n ? cameras(2 * k + side, k) : points(2 * k + side, k - n);
-      value += side == 0 ? -steps[k] : steps[k];
+      auto values = k < n ? cameras.col(k) : points.col(k - n);
+      values.segment(row_of(k, side), count) += (side == 0 ? -1 : 1) * steps.col(k);
     }
   }
   const auto projected = ProjectRows(model, cameras, points);
-  if (!projected) return false;
-  const auto middle = projected->row(2 * unknowns);
-  if (!middle.allFinite()) return false;
-  for (Eigen::Index k = first; k < unknowns; ++k) {
-    const bool low = projected->row(2 * k).allFinite(),
-               high = projected->row(2 * k + 1).allFinite();
-    if (!low && !high) return false;
-    const Eigen::RowVector2d slope =
-        ((high ? projected->row(2 * k + 1) : middle) - (low ? projected->row(2 * k) : middle)) /
-        ((low && high ? 2 : 1) * steps[k]);
-    for (Eigen::Index r = 0; r < 2; ++r) {
-      (k < n ? out.J_params[r * n + k] : out.J_point[r * 3 + k - n]) = slope[r];
+  if (!projected) return block->predicted.setConstant(kNan);
+  block->predicted = projected->topRows(count);
+  for (Eigen::Index k = first; k < last; ++k) {
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const auto middle = projected->row(i), before = projected->row(row_of(k, 0) + i),
+                 after = projected->row(row_of(k, 1) + i);
+      const bool low = before.allFinite(), high = after.allFinite();
+      const Eigen::RowVector2d slope = ((high ? after : middle) - (low ? before : middle)) /
+                                       ((low && high ? 2 : 1) * steps(i, k));
+      for (Eigen::Index r = 0; r < 2; ++r) {
+        (k < n ? block->J_params(i, r * n + k) : block->J_point(i, r * 3 + k - n)) =
+            low || high ? slope[r] : kNan;
+      }
     }
   }
-  RemoveRadialRounding(p_cam, middle, out.J_point);
-  std::copy_n(middle.data(), 2, out.predicted);
-  return true;
+  for (Eigen::Index i = 0; i < count && last > n; ++i) {
+    const Eigen::Matrix<double, 2, 3> J = block->J_point.row(i).reshaped<Eigen::RowMajor>(2, 3);
+    block->J_point.row(i) = WithoutRadialRounding(J, block->p.row(i), block->predicted.row(i))
+                                .reshaped<Eigen::RowMajor>()
+                                .transpose();
+  }
 }
 
-/// The model's own derivatives: u (1 x 2), by the parameters (2 x n), by the point (2 x 3).
+/// The model's own derivatives, point by point: u (1 x 2), by the parameters (2 x n), by the point
+/// (2 x 3).
+void ProjectWithOwnJacobian(const PythonModel& model,
+                            const Eigen::RowVectorXd& params,
+                            BlockRows* block) {
+  block->predicted.setConstant(kNan);
+  CallModel([&] {
+    for (Eigen::Index i = 0; i < block->p.rows(); ++i) {
+      const nb::object result =
+          model.object.attr("_jacobian_row")(AsArray(params), AsArray(block->p.row(i)));
+      block->predicted.row(i) = FromArray(result[0], 2);
+      const RowMajor J_params = FromArray(result[1], params.size()),
+                     J_point = FromArray(result[2], 3);
+      if (block->J_params.cols() > 0) {
+        block->J_params.row(i) = J_params.reshaped<Eigen::RowMajor>().transpose();
+      }
+      if (block->J_point.cols() > 0) {
+        block->J_point.row(i) = J_point.reshaped<Eigen::RowMajor>().transpose();
+      }
+    }
+  });
+}
+
+void ProjectBlock(const CameraModel& model,
+                  const double* params,
+                  const double* /*config*/,
+                  const PointBlock& in,
+                  const ProjectionOutput& out) {
+  const PythonModel& own = PythonModelOf(model);
+  const Eigen::RowVectorXd row =
+      Eigen::Map<const Eigen::RowVectorXd>(params, static_cast<Eigen::Index>(own.params.size()));
+  BlockRows block(in, out, own.params.size());
+  const bool derive = out.J_params != nullptr || out.J_point != nullptr;
+  (own.has_jacobian && derive ? ProjectWithOwnJacobian : ProjectWithDifferences)(own, row, &block);
+  for (Eigen::Index i = 0; i < block.p.rows(); ++i) {
+    if (block.predicted.row(i).allFinite() && block.J_params.row(i).allFinite() &&
+        block.J_point.row(i).allFinite()) {
+      continue;
+    }
+    block.predicted.row(i).setConstant(kNan);
+    block.J_params.row(i).setConstant(kNan);
+    block.J_point.row(i).setConstant(kNan);
+  }
+}
+
 bool ProjectWithJacobian(const CameraModel& model,
                          const double* params,
-                         const double* /*config*/,
+                         const double* config,
                          const double* /*values*/,
                          const Eigen::Vector3d& p_cam,
                          const ProjectionOutput& out) {
-  const PythonModel& own = PythonModelOf(model);
-  if (!own.has_jacobian) return ProjectWithDifferences(own, params, p_cam, out);
-  const auto n = static_cast<Eigen::Index>(model.params.size());
-  bool inside = false;
-  CallModel([&] {
-    const nb::object result = own.object.attr("_jacobian_row")(
-        AsArray(Eigen::Map<const RowMajor>(params, 1, n)), AsArray(p_cam.transpose()));
-    const RowMajor u = FromArray(result[0], 2), J_params = FromArray(result[1], n),
-                   J_point = FromArray(result[2], 3);
-    inside = u.allFinite() && J_params.allFinite() && J_point.allFinite();
-    if (!inside) return;
-    std::copy_n(u.data(), 2, out.predicted);
-    if (out.J_params != nullptr) std::copy_n(J_params.data(), 2 * n, out.J_params);
-    std::copy_n(J_point.data(), 6, out.J_point);
-  });
-  return inside;
+  ProjectBlock(model, params, config, {1, p_cam.data()}, out);
+  return std::isfinite(out.predicted[0]);
+}
+
+bool ProjectOne(const CameraModel& model,
+                const double* params,
+                const double* config,
+                const double* values,
+                const Eigen::Vector3d& p_cam,
+                double* predicted) {
+  return ProjectWithJacobian(model, params, config, values, p_cam, {.predicted = predicted});
 }
 
 std::optional<Ray> UnprojectOne(const CameraModel& model,
@@ -216,7 +263,8 @@ CameraModel TableOf(const PythonModel& own, ImageSize size) {
                         .project_with_jacobian = &ProjectWithJacobian,
                         .unproject = &UnprojectOne,
                         .start = &Start,
-                        .misfit = &CentralModel::JudgeFit},
+                        .misfit = &CentralModel::JudgeFit,
+                        .project_block = &ProjectBlock},
           .self = &own};
 }
 
