@@ -42,6 +42,27 @@ Observation WithoutDisplacement(const BundleObservation& observation,
   return seen;
 }
 
+std::vector<ParamPrior> ParamPriors(const Bundle& bundle) {
+  std::vector<ParamPrior> priors;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    for (size_t k = 0; k < camera.rules.size(); ++k) {
+      const auto& prior = camera.rules[k].prior;
+      if (prior) priors.push_back({{{bundle.Root(c, k)}}, prior->value, prior->sigma});
+    }
+    for (const PriorRow& row : camera.model->prior_rows) {
+      ParamPrior prior{.terms = {}, .sigma = row.sigma};
+      bool own = false;  // else all of them are another camera's, which has the same prior
+      for (size_t i = 0; i < row.indices.size(); ++i) {
+        prior.terms.push_back({bundle.Root(c, row.indices[i]), row.weights[i]});
+        own = own || prior.terms.back().param.camera == c;
+      }
+      if (own) priors.push_back(std::move(prior));
+    }
+  }
+  return priors;
+}
+
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   const RigidTransform T_camera_target =

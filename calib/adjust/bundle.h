@@ -207,6 +207,18 @@ std::vector<double> WeightedLengths(const Bundle& bundle);
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
 size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin);
 
+/// Gaussian prior on a weighted sum of parameters: a rule's or the model's (`PriorRow`).
+struct ParamPrior {
+  struct Term {
+    ParamIndex param;  ///< never one that is tied to another
+    double weight = 1;
+  };
+  std::vector<Term> terms;
+  double value = 0, sigma = 0;  ///< of the sum
+};
+/// All of them; those of one camera follow each other.
+std::vector<ParamPrior> ParamPriors(const Bundle& bundle);
+
 /// Present values of the prior's unknowns less those of the prior. REQUIRES: `bundle.prior`.
 Eigen::VectorXd DeviationFromPrior(const Bundle& bundle);
 /// "left.f_x", "right.T_camera_rig.w_y".

@@ -68,6 +68,14 @@ struct Param {
   double prior_sigma = 0;
 };
 
+/// Gaussian prior around 0 on a weighted sum of parameters, as the roughness of a spline: a second
+/// difference of neighbouring coefficients.
+struct PriorRow {
+  std::span<const size_t> indices;  ///< of the parameters
+  std::span<const double> weights;  ///< parallel
+  double sigma = 0;
+};
+
 /// The number of other programs that read a model. Of models that describe a camera equally well,
 /// the one of wider use is recommended.
 enum class Usage {
@@ -198,8 +206,9 @@ struct CameraModel {
   Centre centre = Centre::kPoint;
   bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
   ModelFunctions functions;
-  const void* self = nullptr;  ///< data of the model's own, for `functions`
-  size_t support_size = 0;     ///< parameters on which one point depends; 0: all
+  const void* self = nullptr;                 ///< data of the model's own, for `functions`
+  size_t support_size = 0;                    ///< parameters on which one point depends; 0: all
+  std::span<const PriorRow> prior_rows = {};  ///< beside `Param::prior_sigma`
 
   /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
   /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.
@@ -276,7 +285,8 @@ struct CameraModel {
 ///   static std::optional<Ray> Unproject(params, config, values);
 /// A model with many parameters, of which a point depends on a few, has
 ///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
-/// with their indices; `Project` reads no others for that point.
+/// with their indices; `Project` reads no others for that point. Priors of neighbouring ones are
+///   static constexpr std::array<PriorRow, n> kPriorRows
 /// One whose derivatives are cheaper written out than by dual numbers may have
 ///   static bool ProjectWithJacobian(...);  // CameraModel::ProjectWithJacobian, less the model
 /// and `Project` for numbers only.
@@ -475,6 +485,7 @@ constexpr void AddOptional(CameraModel* model) {
     };
   }
   if constexpr (requires { M::kUsage; }) model->usage = M::kUsage;
+  if constexpr (requires { M::kPriorRows; }) model->prior_rows = M::kPriorRows;
   if constexpr (requires { M::kOptionalContext; }) model->optional_context = M::kOptionalContext;
   if constexpr (requires { &M::Remedy; }) {
     model->functions.remedy = [](const CameraModel&,

@@ -36,17 +36,22 @@ constexpr double kSmallestUnit = 1e-12;
 // The prior of a nuisance parameter, of standard deviation 1, determines it.
 constexpr double kNuisanceUnit = 2;
 
-// Index of a parameter with a prior in the reduced system, and 1 / sigma^2.
-using PriorInformation = std::vector<std::pair<int, double>>;
+// Information of a `ParamPrior` on two unknowns of the reduced system, which may be one.
+struct PriorInformation {
+  int row, column;
+  double value;
+};
 
-PriorInformation InformationOfPriors(const Bundle& bundle, const UnknownLayout& layout) {
-  PriorInformation information;
-  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const std::vector<ParamRule>& rules = bundle.cameras[c].rules;
-    for (size_t k = 0; k < rules.size(); ++k) {
-      if (!rules[k].prior || layout.params[c][k] < 0) continue;
-      information.emplace_back(layout.params[c][k],
-                               1 / (rules[k].prior->sigma * rules[k].prior->sigma));
+std::vector<PriorInformation> InformationOfPriors(const Bundle& bundle,
+                                                  const UnknownLayout& layout) {
+  std::vector<PriorInformation> information;
+  for (const ParamPrior& prior : ParamPriors(bundle)) {
+    for (const auto& [a, weight_a] : prior.terms) {
+      for (const auto& [b, weight_b] : prior.terms) {
+        const int row = layout.params[a.camera][a.param], column = layout.params[b.camera][b.param];
+        if (row < 0 || column < 0) continue;
+        information.push_back({row, column, weight_a * weight_b / (prior.sigma * prior.sigma)});
+      }
     }
   }
   return information;
@@ -255,17 +260,14 @@ double SetMarkerErrors(const MarkerElimination& markers, double marker_sigma, Un
 }
 
 // Per camera: the part of its parameters that priors determine.
-std::vector<double> DegreesOfPriors(const PriorInformation& priors,
+std::vector<double> DegreesOfPriors(const std::vector<PriorInformation>& priors,
                                     const UnknownLayout& layout,
                                     const Eigen::MatrixXd& covariance) {
   std::vector<double> degrees(layout.params.size(), 0.0);
-  for (const auto& [index, information] : priors) {
-    for (size_t c = 0; c < degrees.size(); ++c) {
-      const auto& params = layout.params[c];
-      if (std::find(params.begin(), params.end(), index) == params.end()) continue;
-      degrees[c] += covariance(index, index) * information;
-      break;
-    }
+  for (const auto& [row, column, value] : priors) {
+    const auto camera = std::ranges::find_if(
+        layout.params, [&](const auto& params) { return std::ranges::count(params, row) > 0; });
+    degrees[static_cast<size_t>(camera - layout.params.begin())] += covariance(row, column) * value;
   }
   return degrees;
 }
@@ -315,8 +317,8 @@ void AddDegreesOfEarlier(const Eigen::MatrixXd& earlier,
   }
 }
 
-void AddPriors(const PriorInformation& priors, Eigen::MatrixXd* information) {
-  for (const auto& [index, of_prior] : priors) (*information)(index, index) += of_prior;
+void AddPriors(const std::vector<PriorInformation>& priors, Eigen::MatrixXd* information) {
+  for (const auto& [row, column, value] : priors) (*information)(row, column) += value;
 }
 
 // The unknowns that change with the scale of all lengths: translations in the rig, and the lengths
@@ -468,7 +470,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   if (bundle.HasLandmarks()) return UncertaintyWithLandmarks(bundle, layout, coordinates);
   const ReducedSystem reduced = internal::Reduce(bundle, layout);
   const MarkerElimination markers = EliminateMarkers(reduced.S, layout);
-  const PriorInformation priors = InformationOfPriors(bundle, layout);
+  const std::vector<PriorInformation> priors = InformationOfPriors(bundle, layout);
 
   Uncertainty result;
   result.frames_information = markers.information;

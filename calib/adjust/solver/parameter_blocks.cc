@@ -36,6 +36,7 @@ class BlockMaker {
       AddOwnParams(c, all[c].block);
     }
     for (size_t c = 0; c < count; ++c) AddTiedParams(c, all[c].block);
+    AddPriors(all);
     for (size_t c = 0; c < count; ++c) {
       if (tied_[c] || LeavesOutFixed(bundle_.cameras[c])) all[c].slots = slots_[c];
     }
@@ -90,9 +91,21 @@ class BlockMaker {
     if (rules.empty() || slot == kNoSlot) return;
     block->lower[slot] = std::max(block->lower[slot], rules[k].lower);
     block->upper[slot] = std::min(block->upper[slot], rules[k].upper);
-    if (rules[k].prior) {
-      block->priors.push_back(*rules[k].prior);
-      block->prior_slots.push_back(slot);
+  }
+
+  // Parameters that are in no block are fixed: they change the sum's value.
+  void AddPriors(const std::vector<Intrinsics>& all) {
+    for (const ParamPrior& prior : ParamPriors(bundle_)) {
+      SlotPrior own{.terms = {}, .value = prior.value, .sigma = prior.sigma};
+      for (const auto& [param, weight] : prior.terms) {
+        const size_t slot = slots_[param.camera][param.param];
+        if (slot != kNoSlot)
+          own.terms.emplace_back(slot, weight);
+        else
+          own.value -= weight * bundle_.cameras[param.camera].params[param.param];
+      }
+      if (own.terms.empty()) continue;
+      all[prior.terms[0].param.camera].block->priors.push_back(std::move(own));
     }
   }
 

@@ -5,6 +5,7 @@
 
 #include <deque>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "calib/adjust/bundle.h"
@@ -25,13 +26,18 @@ struct ChartedPose {
   }
 };
 
+/// `ParamPrior` of the slots of a block.
+struct SlotPrior {
+  std::vector<std::pair<size_t, double>> terms;  ///< slot, weight
+  double value = 0, sigma = 0;
+};
+
 /// The parameters of one camera, or of several that have some in common: each value once.
 struct IntrinsicsBlock {
   std::vector<double> initial;  ///< before the solve
   std::vector<bool> fixed;
-  std::vector<double> lower, upper;      ///< from the parameters' rules
-  std::vector<ParamRule::Prior> priors;  ///< with the slots that they belong to
-  std::vector<size_t> prior_slots;
+  std::vector<double> lower, upper;  ///< from the parameters' rules
+  std::vector<SlotPrior> priors;
   std::vector<bool> at_bound;  ///< fixed at a bound during one solve
   double* values = nullptr;    ///< among the unknowns
 

@@ -26,19 +26,21 @@ bool MarkerPrior::Evaluate(double const* const* parameters,
   return true;
 }
 
-ParamPrior::ParamPrior(size_t size, size_t slot, ParamRule::Prior prior)
-    : size_(size), slot_(slot), prior_(prior) {
+ParamPriorCost::ParamPriorCost(size_t size, SlotPrior prior)
+    : size_(size), prior_(std::move(prior)) {
   set_num_residuals(1);
   mutable_parameter_block_sizes()->push_back(static_cast<int>(size));
 }
 
-bool ParamPrior::Evaluate(double const* const* parameters,
-                          double* residuals,
-                          double** jacobians) const {
-  residuals[0] = (parameters[0][slot_] - prior_.value) / prior_.sigma;
+bool ParamPriorCost::Evaluate(double const* const* parameters,
+                              double* residuals,
+                              double** jacobians) const {
+  double sum = 0;
+  for (const auto& [slot, weight] : prior_.terms) sum += weight * parameters[0][slot];
+  residuals[0] = (sum - prior_.value) / prior_.sigma;
   if (jacobians != nullptr && jacobians[0] != nullptr) {
     std::fill_n(jacobians[0], size_, 0.0);
-    jacobians[0][slot_] = 1 / prior_.sigma;
+    for (const auto& [slot, weight] : prior_.terms) jacobians[0][slot] += weight / prior_.sigma;
   }
   return true;
 }

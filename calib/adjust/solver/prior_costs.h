@@ -27,18 +27,17 @@ class MarkerPrior : public ceres::CostFunction {
   double sigma_;
 };
 
-/// (parameter - value) / sigma for the parameter at `slot` of a block of `size`.
-class ParamPrior : public ceres::CostFunction {
+/// (sum of weight * parameter - value) / sigma for parameters of a block of `size`.
+class ParamPriorCost : public ceres::CostFunction {
  public:
-  ParamPrior(size_t size, size_t slot, ParamRule::Prior prior);
+  ParamPriorCost(size_t size, SlotPrior prior);
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
 
  private:
   size_t size_;
-  size_t slot_;
-  ParamRule::Prior prior_;
+  SlotPrior prior_;
 };
 
 /// Distances of one of `Bundle::DistanceGroups`: residual L^-1 (|a - b| - length), L L' their

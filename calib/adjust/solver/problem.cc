@@ -220,11 +220,9 @@ void AdjustProblem::AddParamPriors() {
     IntrinsicsBlock& block = *unknowns_.intrinsics[c].block;
     if (std::find(blocks_used_.begin(), blocks_used_.end(), &block) != blocks_used_.end()) continue;
     blocks_used_.push_back(&block);
-    for (size_t p = 0; p < block.priors.size(); ++p) {
+    for (const internal::SlotPrior& prior : block.priors) {
       problem_.AddResidualBlock(
-          new internal::ParamPrior(block.Size(), block.prior_slots[p], block.priors[p]),
-          nullptr,
-          block.values);
+          new internal::ParamPriorCost(block.Size(), prior), nullptr, block.values);
     }
   }
 }

@@ -150,6 +150,36 @@ TEST(Uncertainty, CombinesPriorsAsOneMoreObservation) {
   EXPECT_NEAR(with.redundancy[0] - without.redundancy[0], 0.5, 1e-5);
 }
 
+// A prior on the roughness of three parameters, as much as the images know of it.
+TEST(Uncertainty, OfAModelWithPriorRowsIsThatOfTheNormalEquations) {
+  Bundle bundle = ExactBundle({.frames = 5});
+  constexpr std::array<size_t, 3> kIndices{4, 5, 6};
+  const std::array<double, 3> weights{1, -2, 1};
+  Eigen::VectorXd w = Eigen::VectorXd::Zero(7);
+  w.tail<3>() << 1, -2, 1;
+  const double variance = w.dot(EstimateUncertainty(bundle).covariance * w);
+  const PriorRow row{.indices = kIndices, .weights = weights, .sigma = std::sqrt(variance)};
+  CameraModel model = *bundle.cameras[0].model;
+  model.prior_rows = std::span(&row, 1);
+  bundle.cameras[0].model = &model;
+  ASSERT_TRUE(Adjust(&bundle, {}).usable);
+  const Uncertainty with = EstimateUncertainty(bundle);
+  const Eigen::Map<const Eigen::VectorXd> params(bundle.cameras[0].params.data(), 7);
+  const Eigen::MatrixXd of_prior = w * w.transpose() / variance;
+  const Eigen::VectorXd step = with.covariance * (with.frames_gradient + of_prior * params);
+  for (Eigen::Index i = 0; i < 7; ++i) {
+    EXPECT_LT(std::abs(step[i]), 1e-3 * std::sqrt(with.covariance(i, i))) << i;
+  }
+  EXPECT_GT(std::abs((of_prior * params).dot(with.covariance * of_prior * params)), 0.1)
+      << "the prior has no effect";
+  const Eigen::MatrixXd one = with.covariance * (with.frames_information + of_prior);
+  EXPECT_LT((one - Eigen::MatrixXd::Identity(7, 7)).diagonal().norm(), 1e-5);
+  EXPECT_NEAR(with.redundancy[0],
+              2 * static_cast<double>(bundle.observations.size()) - 7 - 6 * 5 +
+                  w.dot(with.covariance * w) / variance,
+              1e-5);
+}
+
 TEST(Uncertainty, OfFixedAndOfTiedParameters) {
   Bundle bundle = ExactBundle({.frames = 5});
   bundle.cameras[0].fixed[2] = true;
