@@ -135,10 +135,11 @@ struct ReplicateResidual {
 struct ProjectionOutput {
   double* predicted = nullptr;  ///< measured coordinates
   double* J_params = nullptr;   ///< measured x params
-  double* J_point = nullptr;    ///< measured x 3, by p_cam
+  double* J_point = nullptr;    ///< measured x 3, by p
   /// Receives the `support_size` indices of the parameters on which the point depends, and J_params
   /// their columns only. Null, or a model whose `support_size` is 0: the columns of all.
   size_t* support = nullptr;
+  double* J_h = nullptr;  ///< measured, by h; of a model that is `homogeneous`
 };
 
 /// Points that are projected together (calib/camera/project_points.h).
@@ -146,6 +147,7 @@ struct PointBlock {
   size_t count = 0;
   const double* p = nullptr;       ///< count x 3, m
   const double* values = nullptr;  ///< of observations, count x kMaxObservationSize; null: zeros
+  const double* h = nullptr;       ///< count; null: ones
 };
 
 struct CameraModel;
@@ -157,13 +159,15 @@ struct ModelFunctions {
                   const double* params,
                   const double* config,
                   const double* values,
-                  const Eigen::Vector3d& p_cam,
+                  const Eigen::Vector3d& p,
+                  double h,
                   double* predicted) = nullptr;
   bool (*project_with_jacobian)(const CameraModel& model,
                                 const double* params,
                                 const double* config,
                                 const double* values,
-                                const Eigen::Vector3d& p_cam,
+                                const Eigen::Vector3d& p,
+                                double h,
                                 const ProjectionOutput& out) = nullptr;
   std::optional<Ray> (*unproject)(const CameraModel& model,
                                   const double* params,
@@ -207,6 +211,7 @@ struct CameraModel {
   bool plenoptic;  ///< observations are made through micro lenses, whose centre is their context
   ModelFunctions functions;
   const void* self = nullptr;                 ///< data of the model's own, for `functions`
+  bool homogeneous = false;                   ///< (p, h) may have any h, else 1 only
   size_t support_size = 0;                    ///< parameters on which one point depends; 0: all
   std::span<const PriorRow> prior_rows = {};  ///< beside `Param::prior_sigma`
 
@@ -226,21 +231,25 @@ struct CameraModel {
 
   [[nodiscard]] bool IsCentral() const { return centre == Centre::kPoint; }
 
-  /// Predicted measured coordinates of p_cam; false outside the model's domain.
+  /// Predicted measured coordinates of the point p / h in the camera's frame, which lies at
+  /// infinity where h = 0, and beyond where h < 0; for central models h has no effect. False
+  /// outside the model's domain.
   bool Project(const double* of_params,
                const double* of_config,
                const double* values,
-               const Eigen::Vector3d& p_cam,
-               double* predicted) const {
-    return functions.project(*this, of_params, of_config, values, p_cam, predicted);
+               const Eigen::Vector3d& p,
+               double* predicted,
+               double h = 1) const {
+    return functions.project(*this, of_params, of_config, values, p, h, predicted);
   }
   /// `Project` with derivatives.
   bool ProjectWithJacobian(const double* of_params,
                            const double* of_config,
                            const double* values,
-                           const Eigen::Vector3d& p_cam,
-                           const ProjectionOutput& out) const {
-    return functions.project_with_jacobian(*this, of_params, of_config, values, p_cam, out);
+                           const Eigen::Vector3d& p,
+                           const ProjectionOutput& out,
+                           double h = 1) const {
+    return functions.project_with_jacobian(*this, of_params, of_config, values, p, h, out);
   }
   /// The ray on which a measured point lies; nothing outside the domain.
   [[nodiscard]] std::optional<Ray> Unproject(const double* of_params,
@@ -283,6 +292,7 @@ struct CameraModel {
 ///   template <typename T> static bool Project(const T* params, const double* config,
 ///                                             const double* context, const Vector3<T>&, T*);
 ///   static std::optional<Ray> Unproject(params, config, values);
+/// or, for points at infinity as well, Project(params, config, context, p, const T& h, u).
 /// A model with many parameters, of which a point depends on a few, has
 ///   static std::array<size_t, n> Support(const double* params, const Eigen::Vector3d& p_cam);
 /// with their indices; `Project` reads no others for that point. Priors of neighbouring ones are
@@ -320,17 +330,60 @@ concept CameraModelPlugin = requires(const StartProblem& problem) {
 
 namespace internal {
 
+template <typename M>
+concept TakesH = requires(const double* in, const Eigen::Vector3d& p, double* out) {
+  M::Project(in, in, in, p, 1.0, out);
+};
+
+template <typename M>
+constexpr bool kHomogeneous = M::kCentre == Centre::kPoint || TakesH<M>;
+
 // The functions of a header have no argument for the model, whose `self` they do not need.
 template <CameraModelPlugin M, typename T>
 bool Project(const T* params,
              const double* config,
              const double* values,
-             const Vector3<T>& p_cam,
+             const Vector3<T>& p,
+             const T& h,
              T* predicted) {
-  if constexpr (requires { M::Project(params, p_cam, predicted); }) {
-    return M::Project(params, p_cam, predicted);
+  if constexpr (requires { M::Project(params, p, predicted); }) {
+    return M::Project(params, p, predicted);
+  } else if constexpr (TakesH<M>) {
+    return M::Project(params, config, values + M::kMeasured.size(), p, h, predicted);
   } else {
-    return M::Project(params, config, values + M::kMeasured.size(), p_cam, predicted);
+    return M::Project(params, config, values + M::kMeasured.size(), p, predicted);
+  }
+}
+
+// Dual numbers of a point: lanes `first` to `first` + 2, and the next where h counts.
+template <CameraModelPlugin M>
+constexpr int kPointLanes = TakesH<M> ? 4 : 3;
+
+template <CameraModelPlugin M, typename Jet>
+bool ProjectJets(const Jet* params,
+                 const double* config,
+                 const double* values,
+                 const Eigen::Vector3d& p,
+                 double h,
+                 int first,
+                 std::array<Jet, M::kMeasured.size()>* predicted) {
+  const Vector3<Jet> p_jet(Jet(p.x(), first), Jet(p.y(), first + 1), Jet(p.z(), first + 2));
+  Jet h_jet(h);
+  if constexpr (TakesH<M>) h_jet = Jet(h, first + 3);
+  return Project<M>(params, config, values, p_jet, h_jet, predicted->data());
+}
+
+template <CameraModelPlugin M, typename Jet>
+void WriteByPoint(const std::array<Jet, M::kMeasured.size()>& predicted,
+                  int first,
+                  const ProjectionOutput& out) {
+  for (size_t r = 0; r < predicted.size(); ++r) {
+    out.predicted[r] = predicted[r].a;
+    for (int i = 0; i < 3; ++i)
+      out.J_point[r * 3 + static_cast<size_t>(i)] = predicted[r].v[first + i];
+    if constexpr (TakesH<M>) {
+      if (out.J_h != nullptr) out.J_h[r] = predicted[r].v[first + 3];
+    }
   }
 }
 
@@ -354,32 +407,28 @@ requires HasSupport<M>
 bool ProjectWithLocalJacobian(const double* params,
                               const double* config,
                               const double* values,
-                              const Eigen::Vector3d& p_cam,
+                              const Eigen::Vector3d& p,
+                              double h,
                               const ProjectionOutput& out) {
   constexpr size_t kMeasuredCount = M::kMeasured.size();
-  const auto support = M::Support(params, p_cam);
+  const auto support = M::Support(params, p);
   constexpr size_t kCount = SupportSize<M>();
-  using Jet = ceres::Jet<double, static_cast<int>(kCount) + 3>;
+  using Jet = ceres::Jet<double, static_cast<int>(kCount) + kPointLanes<M>>;
   thread_local std::array<Jet, M::kParams.size()> params_jet;  // what is not read stays unset
   for (size_t i = 0; i < kCount; ++i) {
     params_jet[support[i]] = Jet(params[support[i]], static_cast<int>(i));
   }
-  Vector3<Jet> p_jet;
-  for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], static_cast<int>(kCount) + i);
-  std::array<Jet, kMeasuredCount> predicted_jet;
-  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  const bool is_dense = out.support == nullptr;
-  const size_t width = is_dense ? M::kParams.size() : kCount;
-  if (out.J_params != nullptr && is_dense) std::fill_n(out.J_params, kMeasuredCount * width, 0.0);
-  if (!is_dense) std::ranges::copy(support, out.support);
+  std::array<Jet, kMeasuredCount> predicted;
+  if (!ProjectJets<M>(params_jet.data(), config, values, p, h, kCount, &predicted)) return false;
+  WriteByPoint<M>(predicted, kCount, out);
+  if (out.support != nullptr) std::ranges::copy(support, out.support);
+  if (out.J_params == nullptr) return true;
+  const size_t width = out.support != nullptr ? kCount : M::kParams.size();
+  std::fill_n(out.J_params, kMeasuredCount * width, 0.0);
   for (size_t r = 0; r < kMeasuredCount; ++r) {
-    out.predicted[r] = predicted_jet[r].a;
-    const auto& v = predicted_jet[r].v;
-    for (size_t i = 0; i < kCount && out.J_params != nullptr; ++i) {
-      out.J_params[r * width + (is_dense ? support[i] : i)] = v[static_cast<Eigen::Index>(i)];
-    }
-    for (size_t i = 0; i < 3; ++i) {
-      out.J_point[r * 3 + i] = v[static_cast<Eigen::Index>(kCount + i)];
+    for (size_t i = 0; i < kCount; ++i) {
+      out.J_params[r * width + (out.support != nullptr ? i : support[i])] =
+          predicted[r].v[static_cast<Eigen::Index>(i)];
     }
   }
   return true;
@@ -390,20 +439,15 @@ template <CameraModelPlugin M>
 [[gnu::noinline, gnu::flatten]] bool ProjectWithPointJacobian(const double* params,
                                                               const double* config,
                                                               const double* values,
-                                                              const Eigen::Vector3d& p_cam,
+                                                              const Eigen::Vector3d& p,
+                                                              double h,
                                                               const ProjectionOutput& out) {
-  constexpr size_t kMeasuredCount = M::kMeasured.size();
-  using Jet = ceres::Jet<double, 3>;
+  using Jet = ceres::Jet<double, kPointLanes<M>>;
   thread_local std::array<Jet, M::kParams.size()> params_jet;
   for (size_t i = 0; i < params_jet.size(); ++i) params_jet[i] = Jet(params[i]);
-  Vector3<Jet> p_jet;
-  for (int i = 0; i < 3; ++i) p_jet[i] = Jet(p_cam[i], i);
-  std::array<Jet, kMeasuredCount> predicted_jet;
-  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  for (size_t r = 0; r < kMeasuredCount; ++r) {
-    out.predicted[r] = predicted_jet[r].a;
-    for (int i = 0; i < 3; ++i) out.J_point[r * 3 + static_cast<size_t>(i)] = predicted_jet[r].v[i];
-  }
+  std::array<Jet, M::kMeasured.size()> predicted;
+  if (!ProjectJets<M>(params_jet.data(), config, values, p, h, 0, &predicted)) return false;
+  WriteByPoint<M>(predicted, 0, out);
   return true;
 }
 
@@ -413,25 +457,25 @@ template <CameraModelPlugin M>
 [[gnu::flatten]] bool ProjectWithJacobian(const double* params,
                                           const double* config,
                                           const double* values,
-                                          const Eigen::Vector3d& p_cam,
+                                          const Eigen::Vector3d& p,
+                                          double h,
                                           const ProjectionOutput& out) {
   if (out.J_params == nullptr) {
-    return ProjectWithPointJacobian<M>(params, config, values, p_cam, out);
+    return ProjectWithPointJacobian<M>(params, config, values, p, h, out);
   }
   constexpr int kParamCount = static_cast<int>(M::kParams.size());
-  constexpr int kMeasuredCount = static_cast<int>(M::kMeasured.size());
-  using Jet = ceres::Jet<double, kParamCount + 3>;
+  using Jet = ceres::Jet<double, kParamCount + kPointLanes<M>>;
   std::array<Jet, kParamCount> params_jet;
   for (int i = 0; i < kParamCount; ++i) params_jet[i] = Jet(params[i], i);
-  const Vector3<Jet> p_jet(Jet(p_cam.x(), kParamCount),
-                           Jet(p_cam.y(), kParamCount + 1),
-                           Jet(p_cam.z(), kParamCount + 2));
-  std::array<Jet, kMeasuredCount> predicted_jet;
-  if (!Project<M>(params_jet.data(), config, values, p_jet, predicted_jet.data())) return false;
-  for (int r = 0; r < kMeasuredCount; ++r) {
-    out.predicted[r] = predicted_jet[r].a;
-    for (int i = 0; i < kParamCount; ++i) out.J_params[r * kParamCount + i] = predicted_jet[r].v[i];
-    for (int i = 0; i < 3; ++i) out.J_point[r * 3 + i] = predicted_jet[r].v[kParamCount + i];
+  std::array<Jet, M::kMeasured.size()> predicted;
+  if (!ProjectJets<M>(params_jet.data(), config, values, p, h, kParamCount, &predicted)) {
+    return false;
+  }
+  WriteByPoint<M>(predicted, kParamCount, out);
+  for (size_t r = 0; r < predicted.size(); ++r) {
+    for (int i = 0; i < kParamCount; ++i) {
+      out.J_params[r * M::kParams.size() + static_cast<size_t>(i)] = predicted[r].v[i];
+    }
   }
   return true;
 }
@@ -456,9 +500,11 @@ bool ProjectPoint(const CameraModel& /*model*/,
                   const double* params,
                   const double* config,
                   const double* values,
-                  const Eigen::Vector3d& p_cam,
+                  const Eigen::Vector3d& p,
+                  double h,
                   double* predicted) {
-  return Project<M>(params, config, values, p_cam, predicted);
+  if (!kHomogeneous<M> && h != 1) return false;
+  return Project<M>(params, config, values, p, h, predicted);
 }
 
 template <CameraModelPlugin M>
@@ -466,14 +512,19 @@ bool DifferentiatePoint(const CameraModel& /*model*/,
                         const double* params,
                         const double* config,
                         const double* values,
-                        const Eigen::Vector3d& p_cam,
+                        const Eigen::Vector3d& p,
+                        double h,
                         const ProjectionOutput& out) {
+  if (!kHomogeneous<M> && h != 1) return false;
+  if (!TakesH<M> && out.J_h != nullptr) std::fill_n(out.J_h, M::kMeasured.size(), 0.0);
   if constexpr (HasSupport<M>) {
-    return ProjectWithLocalJacobian<M>(params, config, values, p_cam, out);
+    return ProjectWithLocalJacobian<M>(params, config, values, p, h, out);
+  } else if constexpr (requires { M::ProjectWithJacobian(params, config, values, p, h, out); }) {
+    return M::ProjectWithJacobian(params, config, values, p, h, out);
   } else if constexpr (requires { &M::ProjectWithJacobian; }) {
-    return M::ProjectWithJacobian(params, config, values, p_cam, out);
+    return M::ProjectWithJacobian(params, config, values, p, out);
   } else {
-    return ProjectWithJacobian<M>(params, config, values, p_cam, out);
+    return ProjectWithJacobian<M>(params, config, values, p, h, out);
   }
 }
 
@@ -522,6 +573,7 @@ constexpr CameraModel MakeCameraModel() {
                         .start = [](const CameraModel&,
                                     const StartProblem& problem) { return M::Start(problem); },
                     }};
+  model.homogeneous = internal::kHomogeneous<M>;
   model.support_size = internal::SupportSize<M>();
   internal::AddOptional<M>(&model);
   return model;

@@ -48,14 +48,19 @@ void ProjectInBlocks(const CameraModel& model,
                      values = Columns(in.values, begin, count, kMaxObservationSize);
     OutputColumns predicted(out.predicted, begin, count, rows),
         J_params(out.J_params, begin, count, rows * model.params.size()),
-        J_point(out.J_point, begin, count, rows * 3);
-    model.functions.project_block(
-        model,
-        params,
-        config,
-        {count, p.data(), values.size() == 0 ? nullptr : values.data()},
-        {.predicted = predicted.Data(), .J_params = J_params.Data(), .J_point = J_point.Data()});
-    for (const OutputColumns* columns : {&predicted, &J_params, &J_point}) columns->Write();
+        J_point(out.J_point, begin, count, rows * 3), J_h(out.J_h, begin, count, rows);
+    model.functions.project_block(model,
+                                  params,
+                                  config,
+                                  {count,
+                                   p.data(),
+                                   values.size() == 0 ? nullptr : values.data(),
+                                   in.h == nullptr ? nullptr : in.h + begin},
+                                  {.predicted = predicted.Data(),
+                                   .J_params = J_params.Data(),
+                                   .J_point = J_point.Data(),
+                                   .J_h = J_h.Data()});
+    for (const OutputColumns* columns : {&predicted, &J_params, &J_point, &J_h}) columns->Write();
   }
 }
 
@@ -82,19 +87,22 @@ void ProjectPoints(const CameraModel& model,
     const double* const values =
         in.values == nullptr ? zeros.data() : in.values + i * kMaxObservationSize;
     const Eigen::Vector3d p(in.p + 3 * i);
+    const double h = in.h == nullptr ? 1 : in.h[i];
     const ProjectionOutput own{
         .predicted = out.predicted + rows * i,
         .J_params = at(out.J_params, rows * width * i),
         .J_point = out.J_point == nullptr ? J_unused.data() : out.J_point + rows * 3 * i,
-        .support = at(out.support, model.support_size * i)};
-    const bool derive = out.J_params != nullptr || out.J_point != nullptr;
-    if (derive ? model.ProjectWithJacobian(params, config, values, p, own)
-               : model.Project(params, config, values, p, own.predicted)) {
+        .support = at(out.support, model.support_size * i),
+        .J_h = at(out.J_h, rows * i)};
+    const bool derive = out.J_params != nullptr || out.J_point != nullptr || out.J_h != nullptr;
+    if (derive ? model.ProjectWithJacobian(params, config, values, p, own, h)
+               : model.Project(params, config, values, p, own.predicted, h)) {
       continue;
     }
     std::fill_n(own.predicted, rows, kNan);
     if (own.J_params != nullptr) std::fill_n(own.J_params, rows * width, kNan);
     std::fill_n(own.J_point, rows * 3, kNan);
+    if (own.J_h != nullptr) std::fill_n(own.J_h, rows, kNan);
   }
 }
 

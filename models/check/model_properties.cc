@@ -10,6 +10,8 @@
 #include <numbers>
 #include <set>
 
+#include "calib/camera/project_points.h"
+
 namespace plenocal {
 namespace {
 
@@ -60,9 +62,9 @@ class Examination {
   }
   std::vector<std::string> Violations() && { return std::move(violations_); }
 
-  bool Project(const Eigen::Vector3d& p_cam, Values* values) const {
+  bool Project(const Eigen::Vector3d& p, Values* values, double h = 1) const {
     double predicted[kMaxObservationSize];
-    if (!model_.Project(Params(), Config(), values->data(), p_cam, predicted)) return false;
+    if (!model_.Project(Params(), Config(), values->data(), p, predicted, h)) return false;
     std::copy_n(predicted, model_.measured.size(), values->begin());
     return true;
   }
@@ -138,27 +140,36 @@ class Examination {
   }
 
   // Compares project_with_jacobian with differences of project.
-  void CheckJacobian(const Eigen::Vector3d& p_cam, const Values& values, double tolerance) {
+  void CheckJacobian(const Eigen::Vector3d& p_cam,
+                     const Values& values,
+                     double tolerance,
+                     double h = 1) {
     const size_t rows = model_.measured.size(), count = model_.params.size();
     std::vector<double> unknowns(Params(), Params() + count);
     unknowns.insert(unknowns.end(), p_cam.data(), p_cam.data() + 3);
+    if (model_.homogeneous) unknowns.push_back(h);
     const auto evaluate = [&](const std::vector<double>& x) {
       Eigen::VectorXd predicted =
           Eigen::VectorXd::Constant(rows, std::numeric_limits<double>::quiet_NaN());
       const Eigen::Vector3d p(x[count], x[count + 1], x[count + 2]);
-      Expect(model_.Project(x.data(), Config(), values.data(), p, predicted.data()),
+      const double h_at = model_.homogeneous ? x.back() : 1;
+      Expect(model_.Project(x.data(), Config(), values.data(), p, predicted.data(), h_at),
              "point {} is not imaged",
              Text(p));
       return predicted;
     };
 
-    std::vector<double> J_params(rows * count), J_point(rows * 3);
+    std::vector<double> J_params(rows * count), J_point(rows * 3), J_h(rows);
     Eigen::VectorXd predicted(rows);
     if (!Expect(model_.ProjectWithJacobian(Params(),
                                            Config(),
                                            values.data(),
                                            p_cam,
-                                           {predicted.data(), J_params.data(), J_point.data()}),
+                                           {.predicted = predicted.data(),
+                                            .J_params = J_params.data(),
+                                            .J_point = J_point.data(),
+                                            .J_h = J_h.data()},
+                                           h),
                 "point {} is not imaged",
                 Text(p_cam))) {
       return;
@@ -175,15 +186,16 @@ class Examination {
                                       Config(),
                                       values.data(),
                                       p_cam,
-                                      {.predicted = alone.data(), .J_point = J_alone.data()}) &&
+                                      {.predicted = alone.data(), .J_point = J_alone.data()},
+                                      h) &&
                (J_alone - all_J_point).norm() <= 1e-13 * all_J_point.norm(),
            "derivatives by the point at {} depend on whether those by parameters are needed",
            Text(p_cam));
-    CheckSupport(p_cam, values, J_params);
+    if (h == 1) CheckSupport(p_cam, values, J_params);
     const double image = farthest + all_J_point.cwiseAbs().maxCoeff() * p_cam.norm();
-    for (size_t k = 0; k < count + 3; ++k) {
+    for (size_t k = 0; k < unknowns.size(); ++k) {
       const bool is_param = k < count;
-      const double size = is_param ? SizeOf(k) : p_cam.norm();
+      const double size = is_param ? SizeOf(k) : k < count + 3 ? p_cam.norm() : 1;
       const auto difference = [&](double step) -> Eigen::VectorXd {
         std::vector<double> up = unknowns, down = unknowns;
         up[k] += step;
@@ -193,14 +205,16 @@ class Examination {
       const double step = kStep * size;
       const Eigen::VectorXd numeric = (4 * difference(step / 2) - difference(step)) / 3;
       for (size_t r = 0; r < rows; ++r) {
-        const double analytic = is_param ? J_params[r * count + k] : J_point[r * 3 + (k - count)];
+        const double analytic = is_param        ? J_params[r * count + k]
+                                : k < count + 3 ? J_point[r * 3 + (k - count)]
+                                                : J_h[r];
         const double by_difference = numeric[static_cast<Eigen::Index>(r)];
         // In pixels for a change of the unknown by its own size.
         Expect(std::abs((analytic - by_difference) * size) <=
                    tolerance * (image + std::abs(analytic * size)),
                "derivative of {} by {} at {} is {:.9g}, differences give {:.9g}",
                model_.measured[r],
-               is_param ? model_.params[k].name : std::string_view("xyz").substr(k - count, 1),
+               is_param ? model_.params[k].name : std::string_view("xyzh").substr(k - count, 1),
                Text(p_cam),
                analytic,
                by_difference);
@@ -481,6 +495,80 @@ void IsCentral(const CameraModel& model, Examination& check) {
   }
 }
 
+// (h origin + direction, h) is a point of the ray: at 1 / h, for h = 0 at infinity, and beyond.
+void GoesOnThroughInfinity(const CameraModel& model, Examination& check) {
+  if (!model.homogeneous) return;
+  for (const Values& seen : check.Grid(6)) {
+    const std::optional<Ray> ray = check.RayOf(seen);
+    if (!ray) continue;
+    for (const double h : {1.0, 0.1, 1e-6, 0.0, -1e-6, -0.1}) {
+      const Eigen::Vector3d p = h * ray->origin + ray->direction;
+      Values values = seen;
+      if (!check.Expect(check.Project(p, &values, h),
+                        "the point (p, h) = ({}, {}) on the ray of pixel ({:.6g}, {:.6g}) is not "
+                        "imaged",
+                        Text(p),
+                        h,
+                        seen[0],
+                        seen[1])) {
+        continue;
+      }
+      for (size_t i = 0; i < model.measured.size(); ++i) {
+        check.Expect(std::abs(values[i] - seen[i]) <= kRoundTrip * model.example_size[0],
+                     "pixel ({:.6g}, {:.6g}), h = {} on its ray: {} off by {:.3g}",
+                     seen[0],
+                     seen[1],
+                     h,
+                     model.measured[i],
+                     values[i] - seen[i]);
+      }
+      check.CheckJacobian(p, seen, kDerivative, h);
+    }
+  }
+}
+
+// A block of all pixels' points gives what they give one by one.
+void AgreesInBlocks(const CameraModel& model, Examination& check) {
+  std::vector<double> points, values;
+  for (const Values& seen : check.Grid(20)) {
+    const Eigen::Vector3d p = check.Unproject(seen).value_or(Ray{}).direction;
+    points.insert(points.end(), p.begin(), p.end());
+    values.insert(values.end(), seen.begin(), seen.end());
+  }
+  const size_t count = points.size() / 3, rows = model.measured.size();
+  const auto project = [&](size_t begin, size_t end) {
+    std::vector<double> out((end - begin) * rows * (4 + model.params.size()));
+    double* const J_params = out.data() + (end - begin) * rows;
+    ProjectPoints(
+        model,
+        check.Params(),
+        check.Config(),
+        {end - begin, points.data() + 3 * begin, values.data() + kMaxObservationSize * begin},
+        {.predicted = out.data(),
+         .J_params = J_params,
+         .J_point = J_params + (end - begin) * rows * model.params.size()});
+    return out;
+  };
+  const std::vector<double> all = project(0, count);
+  for (size_t i = 0; i < count; ++i) {
+    const std::vector<double> one = project(i, i + 1);
+    size_t place = 0, first = 0;  // in `one`, and of a kind of numbers in `all`
+    for (const size_t width : {rows, rows * model.params.size(), rows * 3}) {
+      for (size_t k = 0; k < width; ++k, ++place) {
+        const double in_block = all[first + i * width + k];
+        // Libraries may round vectors otherwise; differences magnify that.
+        check.Expect(std::abs(in_block - one[place]) <= 1e-7 * (1 + std::abs(one[place])) ||
+                         (std::isnan(in_block) && std::isnan(one[place])),
+                     "point {} in a block gives {:.17g} for {:.17g}",
+                     i,
+                     in_block,
+                     one[place]);
+      }
+      first += count * width;
+    }
+  }
+}
+
 template <auto property>
 std::vector<std::string> ViolationsOf(const CameraModel& model) {
   Examination check(model);
@@ -491,7 +579,7 @@ std::vector<std::string> ViolationsOf(const CameraModel& model) {
 }  // namespace
 
 std::span<const ModelProperty> ModelProperties() {
-  static constexpr std::array<ModelProperty, 9> kProperties{{
+  static constexpr std::array<ModelProperty, 11> kProperties{{
       {"IsDescribed",
        "names, units, limits and source are there, the example lies within the limits",
        false,
@@ -524,6 +612,14 @@ std::span<const ModelProperty> ModelProperties() {
        "derivatives agree with differences at the edge of the domain",
        true,
        &ViolationsOf<HasDerivativesAtTheEdge>},
+      {"GoesOnThroughInfinity",
+       "points of a ray up to infinity and beyond are imaged in its pixel, with their derivatives",
+       false,
+       &ViolationsOf<GoesOnThroughInfinity>},
+      {"AgreesInBlocks",
+       "many points give what they give one by one",
+       false,
+       &ViolationsOf<AgreesInBlocks>},
       {"IsCentral", "points of one ray are imaged in one pixel", true, &ViolationsOf<IsCentral>},
   }};
   return kProperties;

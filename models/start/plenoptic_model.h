@@ -23,6 +23,9 @@
 //
 //   x_R = x_C f_L B / d + c_ML (1 - 1/v).
 //
+// A point p / h, (x, y, z) = p, has h z_C = z: 1/v = B (z - f_L h) / d, d = f_L z - b_L0 (z - f_L
+// h), x_R = (x, y) f_L B / d + c_ML (1 - 1/v), which goes on through infinity, h = 0.
+//
 // Distortion of raw coordinates and of micro-image centres alike, r^2 = x^2 + y^2:
 //
 //   x_d = x + x (A_0 r^2 + A_1 r^4) + B_0 (r^2 + 2 x^2) + 2 B_1 x y
@@ -93,9 +96,10 @@ struct PlenopticModel {
   static bool Project(const double* params,
                       const double* config,
                       const double* lens_px,
-                      const Eigen::Vector3d& p_cam,
+                      const Eigen::Vector3d& p,
+                      double h,
                       double* u_px) {
-    const auto image = ImageOf(params, config, lens_px, p_cam);
+    const auto image = ImageOf(params, config, lens_px, p, h);
     if (!image) return false;
     Write(*image, params, config, lens_px, u_px);
     return true;
@@ -105,24 +109,26 @@ struct PlenopticModel {
   static bool ProjectWithJacobian(const double* params,
                                   const double* config,
                                   const double* values,
-                                  const Eigen::Vector3d& p_cam,
+                                  const Eigen::Vector3d& p,
+                                  double h,
                                   const ProjectionOutput& out) {
     using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
     const double* lens_px = values + kMeasured.size();
-    const auto image = ImageOf(params, config, lens_px, p_cam);
+    const auto image = ImageOf(params, config, lens_px, p, h);
     if (!image) return false;
     Write(*image, params, config, lens_px, out.predicted);
 
     const Eigen::Matrix2d by_x_R = DistortionJacobian(params, image->x_R) / config[0];
-    const Eigen::Vector2d by_s = by_x_R * p_cam.head<2>();
+    const Eigen::Vector2d by_s = by_x_R * p.head<2>();
     const Eigen::Vector2d by_m =
         by_x_R * image->c_I - lens_px[2] * Eigen::Vector2d(lens_px[3], lens_px[4]);
-    const ScaleDerivatives by = image->Derivatives(params[0], p_cam.z());
+    const ScaleDerivatives by = image->Derivatives(params[0], p.z(), h);
     const auto chain = [&](const Scales& change) -> Eigen::Vector2d {
       return by_s * change.s + by_m * change.m;
     };
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J_point(out.J_point);
     J_point << by_x_R * image->scales.s, chain(by.z_C);
+    if (out.J_h != nullptr) Eigen::Map<Eigen::Vector2d>(out.J_h) = chain(by.h);
     if (out.J_params == nullptr) return true;
 
     Eigen::Map<Rows> J(out.J_params, 2, kCount);
@@ -203,7 +209,7 @@ struct PlenopticModel {
     double s, m;
   };
   struct ScaleDerivatives {
-    Scales f_L, b_L0, B, b_P, z_C;
+    Scales f_L, b_L0, B, b_P, z_C, h;
   };
   /// A point behind a micro lens, undistorted.
   struct Image {
@@ -212,18 +218,19 @@ struct PlenopticModel {
     Distances lens;  ///< there
     double d, inverse_v, pupil;
 
-    [[nodiscard]] ScaleDerivatives Derivatives(double f_L, double z_C) const {
+    [[nodiscard]] ScaleDerivatives Derivatives(double f_L, double z_C, double h) const {
       const auto& [b_P, b_L0, B] = lens;
-      const double w = inverse_v, beyond = z_C - f_L, sum = b_P + B;
-      // With d's own derivative: s = f_L B / d, w = B (z_C - f_L) / d.
+      const double w = inverse_v, beyond = z_C - f_L * h, sum = b_P + B;
+      // With d's own derivative: s = f_L B / d, w = B (z_C - f_L h) / d.
       const auto by = [&](double d_d, double ds, double dw) -> Scales {
         return {(ds - scales.s * d_d) / d, -pupil * (dw - w * d_d) / d};
       };
-      ScaleDerivatives result{.f_L = by(z_C + b_L0, B, -B),
+      ScaleDerivatives result{.f_L = by(z_C + b_L0 * h, B, -B * h),
                               .b_L0 = by(-beyond, 0, 0),
                               .B = by(0, f_L, beyond),
                               .b_P = {0, (1 - w) * B / (sum * sum)},
-                              .z_C = by(f_L - b_L0, 0, B)};
+                              .z_C = by(f_L - b_L0, 0, B),
+                              .h = by(f_L * b_L0, 0, -f_L * B)};
       result.B.m -= (1 - w) * b_P / (sum * sum);
       return result;
     }
@@ -232,22 +239,24 @@ struct PlenopticModel {
   static std::optional<Image> ImageOf(const double* params,
                                       const double* config,
                                       const double* lens_px,
-                                      const Eigen::Vector3d& p_cam) {
-    const double f_L = params[0], z_C = p_cam.z();
+                                      const Eigen::Vector3d& p,
+                                      double h) {
+    const double f_L = params[0], z_C = p.z(), beyond = z_C - f_L * h;
     Image image;
     const Eigen::Vector2d c_Id(lens_px[0] - params[3], lens_px[1] - params[4]);
     if (!Undistort(params, c_Id * config[0], &image.c_I)) return std::nullopt;
     image.lens = DistancesAt(params, image.c_I);
     const auto& [b_P, b_L0, B] = image.lens;
-    if (!(z_C > f_L)) return std::nullopt;
-    image.d = f_L * z_C - b_L0 * (z_C - f_L);
-    if (image.d == 0) return std::nullopt;
-    image.inverse_v = B * (z_C - f_L) / image.d;
+    if (!(beyond > 0 && z_C > 0)) return std::nullopt;
+    image.d = f_L * z_C - b_L0 * beyond;
+    // Beyond infinity up to the pole only.
+    if (image.d == 0 || (h < 0 && (image.d > 0) != (f_L > b_L0))) return std::nullopt;
+    image.inverse_v = B * beyond / image.d;
     if (!(image.inverse_v < 1)) return std::nullopt;
     image.pupil = b_P / (b_P + B);
     image.scales.s = f_L * B / image.d;
     image.scales.m = image.pupil * (1 - image.inverse_v);
-    image.x_R = image.scales.s * p_cam.head<2>() + image.scales.m * image.c_I;
+    image.x_R = image.scales.s * p.head<2>() + image.scales.m * image.c_I;
     if (!Unfolded(params, image.x_R)) return std::nullopt;
     return image;
   }

@@ -129,7 +129,10 @@ void ProjectWithDifferences(const PythonModel& model,
     }
   }
   const auto projected = ProjectRows(model, cameras, points);
-  if (!projected) return block->predicted.setConstant(kNan);
+  if (!projected) {
+    block->predicted.setConstant(kNan);
+    return;
+  }
   block->predicted = projected->topRows(count);
   for (Eigen::Index k = first; k < last; ++k) {
     for (Eigen::Index i = 0; i < count; ++i) {
@@ -185,6 +188,7 @@ void ProjectBlock(const CameraModel& model,
       Eigen::Map<const Eigen::RowVectorXd>(params, static_cast<Eigen::Index>(own.params.size()));
   BlockRows block(in, out, own.params.size());
   const bool derive = out.J_params != nullptr || out.J_point != nullptr;
+  if (out.J_h != nullptr) std::fill_n(out.J_h, 2 * in.count, 0.0);
   (own.has_jacobian && derive ? ProjectWithOwnJacobian : ProjectWithDifferences)(own, row, &block);
   for (Eigen::Index i = 0; i < block.p.rows(); ++i) {
     if (block.predicted.row(i).allFinite() && block.J_params.row(i).allFinite() &&
@@ -201,9 +205,10 @@ bool ProjectWithJacobian(const CameraModel& model,
                          const double* params,
                          const double* config,
                          const double* /*values*/,
-                         const Eigen::Vector3d& p_cam,
+                         const Eigen::Vector3d& p,
+                         double /*h*/,
                          const ProjectionOutput& out) {
-  ProjectBlock(model, params, config, {1, p_cam.data()}, out);
+  ProjectBlock(model, params, config, {1, p.data()}, out);
   return std::isfinite(out.predicted[0]);
 }
 
@@ -211,9 +216,10 @@ bool ProjectOne(const CameraModel& model,
                 const double* params,
                 const double* config,
                 const double* values,
-                const Eigen::Vector3d& p_cam,
+                const Eigen::Vector3d& p,
+                double h,
                 double* predicted) {
-  return ProjectWithJacobian(model, params, config, values, p_cam, {.predicted = predicted});
+  return ProjectWithJacobian(model, params, config, values, p, h, {.predicted = predicted});
 }
 
 std::optional<Ray> UnprojectOne(const CameraModel& model,
@@ -265,7 +271,8 @@ CameraModel TableOf(const PythonModel& own, ImageSize size) {
                         .start = &Start,
                         .misfit = &CentralModel::JudgeFit,
                         .project_block = &ProjectBlock},
-          .self = &own};
+          .self = &own,
+          .homogeneous = true};
 }
 
 using ParamTuple = std::

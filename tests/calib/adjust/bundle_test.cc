@@ -187,8 +187,10 @@ bool ProjectWithHalfOfTheJacobians(const CameraModel& /*model*/,
                                    const double* config,
                                    const double* values,
                                    const Eigen::Vector3d& p_cam,
+                                   double h,
                                    const ProjectionOutput& out) {
-  return p_cam.x() < 0 && PinholeRadial3().ProjectWithJacobian(params, config, values, p_cam, out);
+  return p_cam.x() < 0 &&
+         PinholeRadial3().ProjectWithJacobian(params, config, values, p_cam, out, h);
 }
 
 // Derivatives at the edge of a domain may not exist where the residual still does.
