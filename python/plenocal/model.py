@@ -50,8 +50,8 @@ class CameraModel:
     """Base class for a model of an ordinary camera in Python, to try an idea.
 
     Write `project` in numpy, then `register` the class. The model then works in sessions, `calibrate`,
-    `try_models`, `compare` and `check_model`, but slower than the built-in ones: Python is called for
-    each point. Derivatives are finite differences unless `jacobian` is given.
+    `try_models`, `compare` and `check_model`, but slower than the built-in ones: a calibration
+    calls Python for each point. Derivatives are finite differences unless `jacobian` is given.
 
     >>> class Quadratic(CameraModel):
     ...     name = "quadratic"

@@ -9,16 +9,20 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <set>
 #include <string>
 #include <tuple>
 
+#include "calib/base/error.h"
 #include "calib/files/session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
+#include "models/start/central_model.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -121,6 +125,138 @@ TEST(Registry, FindsModelsByTheirExactNameOnly) {
   }
   EXPECT_EQ(FindModel(CameraModels(), "no-such-model"), nullptr);
   EXPECT_EQ(FindModel(CameraModels(), ""), nullptr);
+}
+
+// An axial camera: its rays meet 10 mm before the origin.
+struct Axial : CentralModel {
+  static constexpr std::string_view kName = "axial", kSource = "a test";
+  static constexpr Centre kCentre = Centre::kAxis;
+  static constexpr std::array kParams{Param{"f", "px", 0}};
+  static constexpr std::array kExample{400.0};
+  static constexpr ImageSize kExampleSize{640, 480};
+  static constexpr double kMiddle = 300, kPupil = 0.01;  // px, m
+
+  template <typename T>
+  static bool Image(const T* params, const Vector3<T>& p, const T& h, T* u) {
+    const T z = p.z() - kPupil * h;
+    u[0] = params[0] * p.x() / z + kMiddle;
+    u[1] = params[0] * p.y() / z + kMiddle;
+    return z > 0.0 && std::isfinite(ValueOf(u[0])) && std::isfinite(ValueOf(u[1]));
+  }
+  template <typename T>
+  static bool Project(const T* params, const double*, const double*, const Vector3<T>& p, T* u) {
+    return Image(params, p, T(1.0), u);
+  }
+  static std::optional<Ray> Unproject(const double* params, const double*, const double* values) {
+    const Eigen::Vector3d direction(values[0] - kMiddle, values[1] - kMiddle, params[0]);
+    if (!direction.allFinite()) return std::nullopt;
+    return Ray{{0, 0, kPupil}, direction.stableNormalized()};
+  }
+  static std::vector<StartCandidate> Start(const StartProblem& /*problem*/) { return {}; }
+};
+
+struct AxialToInfinity : Axial {
+  template <typename T>
+  static bool Project(
+      const T* params, const double*, const double*, const Vector3<T>& p, const T& h, T* u) {
+    return Image(params, p, h, u);
+  }
+};
+
+TEST(CameraModel, ProjectsPointsAtInfinityWhereItsHeaderDoes) {
+  size_t violated = 0;
+  for (const CameraModel& model : {MakeCameraModel<Axial>(), MakeCameraModel<AxialToInfinity>()}) {
+    EXPECT_EQ((CheckModel(model, &violated), violated), 0) << CheckModel(model, &violated);
+    const Eigen::Vector3d p(0.1, 0.2, 1);
+    double u[2], J_point[6];
+    for (const double h : {0.0, 0.5, -1.0}) {
+      EXPECT_EQ(model.Project(model.example.data(), nullptr, u, p, u, h), model.homogeneous) << h;
+      EXPECT_EQ(model.ProjectWithJacobian(
+                    model.example.data(), nullptr, u, p, {.predicted = u, .J_point = J_point}, h),
+                model.homogeneous)
+          << h;
+    }
+  }
+  EXPECT_FALSE(MakeCameraModel<Axial>().homogeneous);
+}
+
+TEST(CameraModel, OfPlenopticCamerasSeesPointsAsIfTheyWereDivided) {
+  for (const CameraModel& model : CameraModels()) {
+    if (!model.plenoptic) continue;
+    EXPECT_TRUE(model.homogeneous);
+    const Eigen::Vector3d p(0.1, -0.05, 1);
+    const double lens[kMaxObservationSize] = {0, 0, 420, 380};
+    double expected[2], found[2];
+    const auto project = [&](const Eigen::Vector3d& at, double h, double* u) {
+      return model.Project(model.example.data(), model.example_config.data(), lens, at, u, h);
+    };
+    ASSERT_TRUE(project(p, 1, expected));
+    for (const double h : {0.5, 1e-6, 40.0}) {
+      ASSERT_TRUE(project(h * p, h, found)) << h;
+      EXPECT_NEAR(found[0], expected[0], 1e-9);
+      EXPECT_NEAR(found[1], expected[1], 1e-9);
+    }
+    // Behind the camera, as p / h of both signs.
+    EXPECT_FALSE(project(-p, 1, found));
+    EXPECT_FALSE(project(-p, -1, found));
+  }
+}
+
+// Point by point, from and to arrays of one coordinate each.
+void ProjectColumns(const CameraModel& model,
+                    const double* params,
+                    const double* config,
+                    const PointBlock& in,
+                    const ProjectionOutput& out) {
+  const size_t n = in.count, width = model.params.size();
+  std::vector<double> J_params(2 * width);
+  double values[kMaxObservationSize], u[2], J_point[6];
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t k = 0; k < kMaxObservationSize; ++k) values[k] = in.values[k * n + i];
+    const Eigen::Vector3d p(in.p[i], in.p[n + i], in.p[2 * n + i]);
+    if (!model.ProjectWithJacobian(params, config, values, p, {u, J_params.data(), J_point})) {
+      std::fill_n(u, 2, std::numeric_limits<double>::quiet_NaN());
+    }
+    for (size_t r = 0; r < 2; ++r) out.predicted[r * n + i] = u[r];
+    for (size_t k = 0; k < J_params.size(); ++k) out.J_params[k * n + i] = J_params[k];
+    for (size_t k = 0; k < 6; ++k) out.J_point[k * n + i] = J_point[k];
+  }
+}
+
+TEST(ProjectPoints, GivesBlocksToModelsThatTakeThem) {
+  CameraModel model = *FindModel(CameraModels(), "kannala-brandt4");
+  model.functions.project_block = &ProjectColumns;
+  size_t violated = 0;
+  EXPECT_EQ((CheckModel(model, &violated), violated), 0) << CheckModel(model, &violated);
+}
+
+// The last test of the registry: it grows.
+TEST(Registry, KeepsTheDataOfModelsThatAreMadeAtRunTime) {
+  struct Data {
+    std::string name = "made-at-run-time";
+    double x = 7;
+  };
+  auto data = std::make_shared<Data>();
+  CameraModel model = *FindModel(CameraModels(), "pinhole");
+  model.name = data->name;
+  model.self = data.get();
+  model.functions.project = [](const CameraModel& own,
+                               const double* /*params*/,
+                               const double* /*config*/,
+                               const double* /*values*/,
+                               const Eigen::Vector3d& /*p*/,
+                               double /*h*/,
+                               double* u) {
+    u[0] = u[1] = static_cast<const Data*>(own.self)->x;
+    return true;
+  };
+  const CameraModel& added = AddCameraModel(model, data, "test");
+  EXPECT_EQ(FindModel(CameraModels(), "made-at-run-time"), &added);
+  EXPECT_THROW(AddCameraModel(model, data, "test"), Error);
+  data.reset();
+  double u[2] = {};
+  EXPECT_TRUE(added.Project(nullptr, nullptr, nullptr, {0, 0, 1}, u));
+  EXPECT_EQ(u[0], 7);
 }
 
 }  // namespace TEST_FILE

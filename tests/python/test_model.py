@@ -90,7 +90,7 @@ def simulate(folder: pathlib.Path, model: str) -> plenocal.Session:
 @pytest.mark.parametrize("model", [Stereographic, WithJacobian])
 def test_passes_the_checks_of_the_models(model: type[plenocal.CameraModel]) -> None:
     text = plenocal.check_model(model.name)
-    assert text.count("holds") == 9
+    assert text.count("holds") == 11
 
 
 def test_projects_inverts_and_differentiates() -> None:
@@ -107,6 +107,33 @@ def test_projects_inverts_and_differentiates() -> None:
     assert WithJacobian.calls == before + inside.sum()
     np.testing.assert_allclose(a.by_params, b.by_params, rtol=1e-7, atol=1e-6)
     np.testing.assert_allclose(a.by_point, b.by_point, rtol=1e-7, atol=1e-6)
+
+
+class Counting(Stereographic):
+    name = "py-counting"
+    calls = 0
+
+    def project(self, params: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
+        Counting.calls += 1
+        return super().project(params, point)
+
+
+plenocal.register(Counting)
+
+
+def test_projects_arrays_in_blocks() -> None:
+    camera = plenocal.Camera("py-counting", (640, 480), Counting.example)
+    points = np.random.default_rng(4).normal(size=(600, 3))
+    before = Counting.calls
+    pixels, by_params, by_point = camera.jacobian(points)
+    assert Counting.calls - before == 3  # 256 points each
+    np.testing.assert_array_equal(camera.project(points), pixels)
+    assert np.isnan(pixels).any() and np.isfinite(pixels).any()
+    for i in range(0, len(points), 60):
+        one = camera.jacobian(points[i : i + 1])
+        np.testing.assert_allclose(pixels[i], one[0][0], rtol=1e-12)
+        np.testing.assert_allclose(by_params[i], one[1][0], rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(by_point[i], one[2][0], rtol=1e-6, atol=1e-5)
 
 
 def test_calibrates(tmp_path: pathlib.Path) -> None:
