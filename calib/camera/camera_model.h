@@ -142,7 +142,7 @@ struct ProjectionOutput {
   double* J_h = nullptr;  ///< measured, by h; of a model that is `homogeneous`
 };
 
-/// Points that are projected together (calib/camera/project_points.h).
+/// Points that are projected together (calib/camera/rays.h).
 struct PointBlock {
   size_t count = 0;
   const double* p = nullptr;       ///< count x 3, m

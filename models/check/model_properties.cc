@@ -10,7 +10,7 @@
 #include <numbers>
 #include <set>
 
-#include "calib/camera/project_points.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 namespace {

@@ -16,7 +16,7 @@
 #include "assess/projection.h"
 #include "calib/base/error.h"
 #include "calib/base/names.h"
-#include "calib/camera/project_points.h"
+#include "calib/camera/rays.h"
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
 #include "python/src/run.h"
