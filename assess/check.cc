@@ -11,7 +11,7 @@
 #include <numeric>
 #include <utility>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"

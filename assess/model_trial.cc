@@ -16,7 +16,7 @@
 #include "assess/held_out/held_out_frames.h"
 #include "assess/held_out/held_out_scores.h"
 #include "assess/projection.h"
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"

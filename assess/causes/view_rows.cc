@@ -6,7 +6,7 @@
 #include <span>
 
 #include "assess/residual_field.h"
-#include "calib/adjust/linearise.h"
+#include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -41,7 +41,6 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
     Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J;
     Eigen::Vector2d r;
     if (!internal::Linearise(camera,
-                             camera.params.data(),
                              linearised,
                              bundle.markers[static_cast<size_t>(observation->marker)].position,
                              *observation,

@@ -6,7 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "calib/start/camera_guess.h"
@@ -145,7 +145,7 @@ void PredictHeldOut(const Bundle& trained,
   // Frames that were held out have no motion.
   const bool own_poses = trained.jitter.translation_sigma > 0 ||
                          std::ranges::any_of(trained.cameras, [](const BundleCamera& camera) {
-                           return camera.time_shift.has_value();
+                           return camera.Find(nuisances::kTimeShift).has_value();
                          });
   FramePoses poses(trained, points, outliers);
   for (size_t begin = 0; begin < points.size();) {

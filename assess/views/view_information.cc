@@ -9,7 +9,7 @@
 #include <map>
 #include <utility>
 
-#include "calib/adjust/linearise.h"
+#include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
@@ -245,7 +245,6 @@ class ViewPredictor::CameraRows {
         rows_, 3);
     double residual[kMaxObservationSize];
     if (!internal::Linearise(camera_,
-                             camera_.params.data(),
                              view_,
                              marker.position,
                              observation,

@@ -9,7 +9,7 @@
 #include <cstdlib>
 
 #include "bench/speed/usage_seconds.h"
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/estimate/calibrate.h"
 #include "tests/calib/plenoptic_synthetic.h"
 

@@ -9,40 +9,59 @@
 
 namespace plenocal {
 
-void AddNuisances(std::span<const View> views, BundleCamera* camera) {
-  size_t count = camera->params.size();
+Vector6d BundleState::MotionIncrement(size_t frame, size_t camera) const {
+  const ViewMotion& of_view = motion[View(frame, camera)];
+  const BundleCamera& of = cameras[camera];
+  Vector6d increment = of_view.at_zero_shift;
+  for (size_t k = 0; k < of.nuisances.size(); ++k) {
+    if (of.nuisances[k]->pose_rate == nullptr) continue;
+    increment += of.params[of.ModelParams() + k] * of.nuisances[k]->pose_rate(of_view);
+  }
+  return increment;
+}
+
+void AddNuisance(const NuisanceKind& kind, double prior_sigma, BundleCamera* camera) {
+  camera->at_bound.clear();  // of the adjustment before
+  camera->rules.resize(camera->params.size());
+  camera->rules.push_back({.prior = ParamRule::Prior{.value = 0, .sigma = prior_sigma}});
+  camera->params.push_back(0);
+  camera->fixed.push_back(false);
+  camera->nuisances.push_back(&kind);
+}
+
+void AddSharedErrors(std::span<const View> views, BundleCamera* camera) {
+  size_t stated = 0;
   for (const View& view : views) {
     if (view.by_nuisance.empty()) continue;
-    count = std::max(
-        count, camera->ModelParams() + view.by_nuisance[0].size() / camera->model->measured.size());
+    stated = std::max(stated, view.by_nuisance[0].size() / camera->model->measured.size());
   }
-  if (count == camera->params.size()) return;
-  camera->rules.resize(camera->params.size());
-  camera->rules.resize(count, {.prior = ParamRule::Prior{.value = 0, .sigma = 1}});
-  camera->params.resize(count, 0.0);
-  camera->fixed.resize(count, false);
+  while (camera->nuisances.size() < stated) AddNuisance(nuisances::kSharedError, 1, camera);
 }
 
 std::string NuisanceName(const BundleCamera& camera, size_t index) {
-  if (index == camera.time_shift) return camera.name + ".time_shift";
-  return camera.name + ".nuisance_" + std::to_string(index - camera.ModelParams() + 1);
+  const size_t nuisance = index - camera.ModelParams();
+  const NuisanceKind& kind = *camera.nuisances[nuisance];
+  std::string name = camera.name;
+  name.append(".").append(kind.name);
+  if (kind.numbered) name.append("_").append(std::to_string(camera.IndexInKind(nuisance) + 1));
+  return name;
 }
 
-Observation WithoutDisplacement(const BundleObservation& observation,
-                                const BundleCamera& camera,
-                                const double* params) {
+Observation WithoutDisplacement(const BundleObservation& observation, const BundleCamera& camera) {
   Observation seen = observation.seen;
-  const std::vector<double>& by_nuisance = observation.by_nuisance;
-  const size_t rows = camera.model->measured.size(), count = by_nuisance.size() / rows;
-  if (count == 0) return seen;
-  const double* const nuisances = params + camera.ModelParams();
-  for (size_t r = 0; r < rows; ++r) {
-    for (size_t k = 0; k < count; ++k) seen.values[r] -= by_nuisance[r * count + k] * nuisances[k];
+  if (observation.by_nuisance.empty()) return seen;
+  for (size_t k = 0; k < camera.nuisances.size(); ++k) {
+    if (camera.nuisances[k]->displace == nullptr) continue;
+    camera.nuisances[k]->displace(observation,
+                                  camera.IndexInKind(k),
+                                  camera.model->measured.size(),
+                                  -camera.params[camera.ModelParams() + k],
+                                  seen.values.data());
   }
   return seen;
 }
 
-std::vector<ParamPrior> ParamPriors(const Bundle& bundle) {
+std::vector<ParamPrior> ParamPriors(const BundleState& bundle) {
   std::vector<ParamPrior> priors;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
@@ -68,7 +87,7 @@ bool Residual(const Bundle& bundle, const BundleObservation& observation, double
   const RigidTransform T_camera_target =
       camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame),
                                             static_cast<size_t>(observation.camera));
-  const Observation seen = WithoutDisplacement(observation, camera, camera.params.data());
+  const Observation seen = WithoutDisplacement(observation, camera);
   double predicted[kMaxObservationSize];
   if (!camera.model->Project(
           camera.params.data(),
@@ -121,27 +140,51 @@ std::vector<std::vector<MarkerDistance>> BundleState::DistanceGroups() const {
   return groups;
 }
 
-size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
-  const BundleObservation& first = observations[begin];
+namespace {
+
+// End of the run of observations, from `begin` on, that `same` accepts beside the first.
+template <typename Same>
+size_t EndOfRun(const std::vector<BundleObservation>& observations, size_t begin, Same same) {
   size_t end = begin + 1;
-  while (end < observations.size() && observations[end].frame == first.frame &&
-         observations[end].camera == first.camera && observations[end].marker == first.marker) {
-    ++end;
-  }
+  while (end < observations.size() && same(observations[begin], observations[end])) ++end;
   return end;
+}
+
+bool SameFrame(const BundleObservation& a, const BundleObservation& b) {
+  return a.frame == b.frame;
+}
+bool SameView(const BundleObservation& a, const BundleObservation& b) {
+  return SameFrame(a, b) && a.camera == b.camera;
+}
+bool SameMarker(const BundleObservation& a, const BundleObservation& b) {
+  return SameView(a, b) && a.marker == b.marker;
+}
+
+}  // namespace
+
+size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
+  return EndOfRun(observations, begin, SameMarker);
 }
 
 size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin) {
-  const BundleObservation& first = observations[begin];
-  size_t end = begin + 1;
-  while (end < observations.size() && observations[end].frame == first.frame &&
-         observations[end].camera == first.camera) {
-    ++end;
-  }
-  return end;
+  return EndOfRun(observations, begin, SameView);
 }
 
-Eigen::VectorXd DeviationFromPrior(const Bundle& bundle) {
+size_t EndOfFrame(const std::vector<BundleObservation>& observations, size_t begin) {
+  return EndOfRun(observations, begin, SameFrame);
+}
+
+void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle) {
+  const RigidTransform moved = T_target_own * bundle->targets[target].T_target_own.Inverse();
+  bundle->targets[target].T_target_own = T_target_own;
+  for (BundleMarker& marker : bundle->markers) {
+    if (marker.target != static_cast<int>(target)) continue;
+    marker.position = moved * marker.position;
+    marker.nominal = moved * marker.nominal;
+  }
+}
+
+Eigen::VectorXd DeviationFromPrior(const BundleState& bundle) {
   const CalibrationPrior& prior = *bundle.prior;
   Eigen::VectorXd deviation(static_cast<Eigen::Index>(prior.unknowns.size()));
   for (size_t i = 0; i < prior.unknowns.size(); ++i) {

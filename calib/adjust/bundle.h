@@ -4,12 +4,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "calib/adjust/nuisance.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/marker_freedom.h"
 #include "calib/camera/noise_model.h"
@@ -32,14 +34,22 @@ struct BundleCamera {
   /// T_camera_rig is not estimated: its frame is the rig's, or the extrinsics are given.
   bool is_master = false;
   NoiseModel noise = {};
-  /// Index into `params` of the time by which images were taken later than their times say, s; a
-  /// nuisance parameter of cameras whose clock differs from that of the first.
-  std::optional<size_t> time_shift = {};
+  /// Kinds of the nuisance parameters, which follow the model's in `params`.
+  std::vector<const NuisanceKind*> nuisances = {};
 
-  /// Parameters of the model; those that follow in `params` are nuisance parameters
-  /// (`BundleObservation::by_nuisance`).
-  [[nodiscard]] size_t ModelParams() const { return model->params.size(); }
-  [[nodiscard]] size_t Nuisances() const { return params.size() - model->params.size(); }
+  [[nodiscard]] size_t ModelParams() const { return params.size() - nuisances.size(); }
+  /// The number of nuisances of the same kind before one.
+  [[nodiscard]] size_t IndexInKind(size_t nuisance) const {
+    return static_cast<size_t>(std::count(nuisances.begin(),
+                                          nuisances.begin() + static_cast<std::ptrdiff_t>(nuisance),
+                                          nuisances[nuisance]));
+  }
+  /// Index into `params` of the first nuisance of a kind.
+  [[nodiscard]] std::optional<size_t> Find(const NuisanceKind& kind) const {
+    const auto found = std::ranges::find(nuisances, &kind);
+    if (found == nuisances.end()) return std::nullopt;
+    return ModelParams() + static_cast<size_t>(found - nuisances.begin());
+  }
 };
 
 struct BundleMarker {
@@ -62,7 +72,7 @@ struct BundleObservation {
   int marker = 0;  ///< index into Bundle::markers
   Observation seen;
   bool used = true;
-  /// Derivatives by the camera's nuisance parameters as in `View`; empty: zeros.
+  /// Derivatives by the camera's shared errors as in `View`; empty: zeros.
   std::vector<double> by_nuisance = {};
   /// Standard deviation of each measured coordinate before the camera's `NoiseModel` corrects it,
   /// px: the detector's where it states one, else an estimate, or 1 where nothing is known.
@@ -85,9 +95,9 @@ struct Jitter {
 };
 
 /// The rig's motion from a frame's pose to that at which one of its views was taken: a change of
-/// T_rig_target in its chart, linear in the camera's time shift.
+/// T_rig_target in its chart, linear in the camera's nuisances that have a `pose_rate`.
 struct ViewMotion {
-  Vector6d at_zero_shift = Vector6d::Zero();  ///< m, rad
+  Vector6d at_zero_shift = Vector6d::Zero();  ///< where these are zero; m, rad
   Vector6d velocity = Vector6d::Zero();       ///< m/s, rad/s
 };
 
@@ -154,17 +164,12 @@ struct BundleState {
   [[nodiscard]] size_t View(size_t frame, size_t camera) const {
     return frame * cameras.size() + camera;
   }
-  /// Increment of T_rig_target in its chart by `ViewMotion`; `params`: the camera's.
-  [[nodiscard]] Vector6d MotionIncrement(size_t frame, size_t camera, const double* params) const {
-    const ViewMotion& of = motion[View(frame, camera)];
-    const std::optional<size_t>& shift = cameras[camera].time_shift;
-    return of.at_zero_shift + (shift ? params[*shift] : 0) * of.velocity;
-  }
+  /// Increment of T_rig_target in its chart by `ViewMotion`.
+  [[nodiscard]] Vector6d MotionIncrement(size_t frame, size_t camera) const;
   /// T_rig_target at the time at which a camera took its image of a frame.
   [[nodiscard]] RigidTransform PoseAtView(size_t frame, size_t camera) const {
     return motion.empty() ? T_rig_target[frame]
-                          : Retract(T_rig_target[frame],
-                                    MotionIncrement(frame, camera, cameras[camera].params.data()));
+                          : Retract(T_rig_target[frame], MotionIncrement(frame, camera));
   }
   /// `PoseAtView` with the jitter of the view.
   [[nodiscard]] RigidTransform SeenPose(size_t frame, size_t camera) const {
@@ -177,18 +182,18 @@ struct Bundle : BundleState {
   std::vector<BundleObservation> observations;  ///< sorted by frame, then camera, then marker
 };
 
-/// Gives a camera as many nuisance parameters as its views state; the prior of each is standard
-/// normal. Those that it has already keep their values.
-void AddNuisances(std::span<const View> views, BundleCamera* camera);
+/// Gives a camera one more unknown of a kind, of value 0 and with a prior about it of standard
+/// deviation `prior_sigma`.
+void AddNuisance(const NuisanceKind& kind, double prior_sigma, BundleCamera* camera);
+/// Gives a camera as many shared errors as its views state. Those that it has already keep their
+/// values.
+void AddSharedErrors(std::span<const View> views, BundleCamera* camera);
 
 /// "left.nuisance_1", "right.time_shift": of the parameter at `index` of `camera.params`.
 std::string NuisanceName(const BundleCamera& camera, size_t index);
 
 /// The observation with its measured coordinates as they are without systematic displacements.
-/// `params`: the camera's.
-Observation WithoutDisplacement(const BundleObservation& observation,
-                                const BundleCamera& camera,
-                                const double* params);
+Observation WithoutDisplacement(const BundleObservation& observation, const BundleCamera& camera);
 
 /// Residual of one observation, measured without displacement minus predicted; false outside the
 /// model's domain.
@@ -202,10 +207,14 @@ double WeightedLength(const Bundle& bundle,
 /// `WeightedLength` of all observations; infinite outside the model's domain.
 std::vector<double> WeightedLengths(const Bundle& bundle);
 
-/// End of the run of observations of one marker in one view, or of one view, that starts at
-/// `begin`.
+/// End of the run of observations of one marker in one view, of one view, or of one frame, that
+/// starts at `begin`.
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin);
 size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin);
+size_t EndOfFrame(const std::vector<BundleObservation>& observations, size_t begin);
+
+/// Gives a target another pose; its markers and their nominal places move with it.
+void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle);
 
 /// Gaussian prior on a weighted sum of parameters: a rule's or the model's (`PriorRow`).
 struct ParamPrior {
@@ -217,10 +226,10 @@ struct ParamPrior {
   double value = 0, sigma = 0;  ///< of the sum
 };
 /// All of them; those of one camera follow each other.
-std::vector<ParamPrior> ParamPriors(const Bundle& bundle);
+std::vector<ParamPrior> ParamPriors(const BundleState& bundle);
 
 /// Present values of the prior's unknowns less those of the prior. REQUIRES: `bundle.prior`.
-Eigen::VectorXd DeviationFromPrior(const Bundle& bundle);
+Eigen::VectorXd DeviationFromPrior(const BundleState& bundle);
 /// "left.f_x", "right.T_camera_rig.w_y".
 std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown);
 

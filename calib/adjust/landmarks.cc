@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/adjust/linearise.h"
+#include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 
 namespace plenocal {
@@ -21,7 +21,6 @@ LandmarkEquations LineariseLandmark(const Bundle& bundle,
     Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J;
     if (!internal::Linearise(
             camera,
-            camera.params.data(),
             {.T_camera_rig = camera.T_camera_rig,
              .T_rig_target = bundle.T_rig_target[static_cast<size_t>(observation.frame)]},
             bundle.markers[static_cast<size_t>(observation.marker)].position,

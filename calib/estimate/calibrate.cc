@@ -93,7 +93,7 @@ void SolveTimeShifts(const std::vector<CameraInput>& cameras,
   bool explains =
       bundle.jitter.translation_sigma < kExplained * with_jitter.bundle.jitter.translation_sigma;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const std::optional<size_t>& shift = bundle.cameras[c].time_shift;
+    const std::optional<size_t> shift = bundle.cameras[c].Find(nuisances::kTimeShift);
     if (!shift) continue;
     const double sigma = calibration->uncertainty.param_std_errors[c][*shift];
     explains = explains || std::abs(bundle.cameras[c].params[*shift]) > kSignificant * sigma;

@@ -66,7 +66,7 @@ ResidualRow DescribeResidual(const Bundle& bundle, const BundleObservation& obse
   for (double& value : row.residual) {
     value = projects ? Rounded(value, kResidualDecimals) : std::numeric_limits<double>::quiet_NaN();
   }
-  row.values = WithoutDisplacement(observation, camera, camera.params.data()).values;
+  row.values = WithoutDisplacement(observation, camera).values;
   for (double& value : row.values) value = Rounded(value, kResidualDecimals);
   return row;
 }
@@ -115,7 +115,8 @@ Correlations WithoutNuisances(const Calibration& calibration, const Correlations
     const std::vector<int>& index = calibration.uncertainty.param_index[c];
     const BundleCamera& camera = calibration.bundle.cameras[c];
     for (size_t k = camera.ModelParams(); k < index.size(); ++k) {
-      if (k != camera.time_shift) nuisances.insert(index[k]);
+      if (camera.nuisances[k - camera.ModelParams()] == &nuisances::kSharedError)
+        nuisances.insert(index[k]);
     }
   }
   std::vector<int> kept;
@@ -162,9 +163,8 @@ CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
                           calibration.uncertainty.extrinsics_index[c],
                           camera.T_camera_rig),
       .fit = calibration.fits[c]};
-  if (camera.time_shift) {
-    described.time_shift = {.value = camera.params[*camera.time_shift],
-                            .sigma = std_errors[*camera.time_shift]};
+  if (const std::optional<size_t> shift = camera.Find(nuisances::kTimeShift)) {
+    described.time_shift = {.value = camera.params[*shift], .sigma = std_errors[*shift]};
   }
   for (size_t k = 0; k < std::min(camera.at_bound.size(), camera.ModelParams()); ++k) {
     if (camera.at_bound[k]) described.at_bound.emplace_back(camera.model->params[k].name);

@@ -73,7 +73,7 @@ std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertaint
   std::vector<Finding> findings;
   const std::vector<BundleCamera>& cameras = bundle.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
-    const std::optional<size_t>& index = cameras[c].time_shift;
+    const std::optional<size_t> index = cameras[c].Find(nuisances::kTimeShift);
     if (!index) continue;
     const double shift = cameras[c].params[*index];
     findings.push_back({.code = "time_shift",

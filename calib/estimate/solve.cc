@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "calib/adjust/poses.h"
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/estimate/reject.h"
 #include "calib/estimate/rig_rigidity.h"

@@ -65,7 +65,7 @@ void AddCameras(const CalibrationInput& input,
       const ParamIndex root = bundle.Root(c, k);
       bundle.cameras[c].params[k] = guess->cameras[root.camera].params[root.param];
     }
-    AddNuisances(input.cameras[c].views, &bundle.cameras[c]);
+    AddSharedErrors(input.cameras[c].views, &bundle.cameras[c]);
   }
 }
 

@@ -150,7 +150,7 @@ std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
 
 std::string TimeShiftText(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
-  const size_t index = *camera.time_shift;
+  const size_t index = *camera.Find(nuisances::kTimeShift);
   return fmt::format("    images later than their times say by {} ms, by the clock of {}\n",
                      WithSigma(1e3 * camera.params[index],
                                1e3 * calibration.uncertainty.param_std_errors[c][index]),
@@ -228,7 +228,7 @@ std::string Summary(const Calibration& calibration) {
                         camera.image_size[1]);
     text += FitText(calibration.fits[c]) + ParametersText(calibration, c);
     if (!camera.is_master) text += ExtrinsicsText(calibration, c);
-    if (camera.time_shift) text += TimeShiftText(calibration, c);
+    if (camera.Find(nuisances::kTimeShift)) text += TimeShiftText(calibration, c);
   }
   text += TargetPosesText(calibration) + TargetText(bundle);
   const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, calibration.uncertainty);

@@ -4,11 +4,14 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <optional>
 #include <random>
+#include <utility>
 #include <vector>
 
-#include "calib/adjust/linearise.h"
+#include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/noise/matrix_root.h"
 
@@ -101,19 +104,12 @@ struct MarkerSums {
 // Derivatives of one camera's rows, view by view. They touch its own unknowns and, where markers
 // are estimated, three coordinates, which follow all unknowns: these come in at the end, once a
 // frame.
-class Rows {
+class CameraRows {
  public:
-  Rows(const RowContext& context, size_t camera)
+  CameraRows(const RowContext& context, size_t camera)
       : context_(context),
-        camera_(context.bundle.cameras[camera]),
         own_(IndicesOf(context.uncertainty, camera)),
-        D_(context.D(own_, Eigen::all)),
-        dimension_(static_cast<Eigen::Index>(camera_.model->measured.size())),
-        J_params_(camera_.model->measured.size() * camera_.params.size()),
-        J_(0, D_.rows()),
-        E_(0, 6),
-        J_marker_(0, 3),
-        residuals_(0) {
+        D_(context.D(own_, Eigen::all)) {
     const auto column_of = [&](int index) {
       const auto found = std::ranges::find(own_, index);
       return found == own_.end() ? -1 : static_cast<int>(found - own_.begin());
@@ -128,41 +124,51 @@ class Rows {
   // Indices of the camera's own unknowns.
   [[nodiscard]] const std::vector<int>& Own() const { return own_; }
 
-  // Sums over the observations [begin, end) of one view: rows of the own unknowns, then of all
-  // markers.
-  PoseSums SumView(const internal::LinearisedView& view, size_t begin, size_t end) {
-    Reserve(static_cast<Eigen::Index>(end - begin) * dimension_ *
-            (camera_.noise.common_sigma > 0 ? 2 : 1));
-    used_ = 0;
-    spans_.clear();
-    for (size_t of_marker = begin; begin < end; begin = of_marker) {
-      of_marker = EndOfMarker(context_.bundle.observations, begin);
-      const Eigen::Index first_row = used_;
-      AddMarker(view, begin, of_marker);
-      spans_.push_back({context_.bundle.observations[begin].marker, first_row, used_ - first_row});
+  void Clear() { spans_.clear(); }
+  // Adds the rows of one marker in the present view.
+  void Add(const internal::MarkerRows& rows) {
+    const Eigen::Index count = rows.Count(), first = Used();
+    Reserve(first + count);
+    auto J = J_.middleRows(first, count);
+    J.setZero();
+    for (size_t k = 0; k < params_.size(); ++k) {
+      if (params_[k] >= 0) J.col(params_[k]) += rows.Params().col(static_cast<Eigen::Index>(k));
     }
-    PoseSums sums(J_.cols() + context_.marker_D.rows(), D_.cols());
-    const auto J = J_.topRows(used_), E = E_.topRows(used_);
-    MatrixXd& B = B_;
-    B.resize(used_, sums.J_B.cols());
-    B.leftCols(D_.cols()).noalias() = J * D_;
-    B.middleCols<6>(D_.cols()) = E;
-    B.rightCols<1>() = residuals_.head(used_);
-    const bool has_markers = context_.marker_D.rows() > 0;
+    if (extrinsics_ >= 0) J.middleCols<6>(extrinsics_) = rows.Extrinsics();
+    if (const auto target = context_.bundle.FreeTarget(rows.Marker())) {
+      J.middleCols<6>(targets_[*target]) =
+          rows.Position() *
+          internal::PointByTargetPose(
+              context_.bundle.targets[*target].T_target_own,
+              context_.bundle.markers[static_cast<size_t>(rows.Marker())].position);
+    }
+    E_.middleRows(first, count) = rows.Pose();
+    J_marker_.middleRows(first, count) = rows.Position();
+    residuals_.segment(first, count) = rows.Residual();
+    spans_.push_back({rows.Marker(), first, count});
+  }
+
+  // Sums over the rows of the view: rows of the own unknowns, then of all markers. The pose is that
+  // which the camera saw.
+  PoseSums SumView() {
+    PoseSums sums(D_.rows() + context_.marker_D.rows(), D_.cols());
+    const auto J = J_.topRows(Used()), E = E_.topRows(Used());
+    B_.resize(Used(), sums.J_B.cols());
+    B_.leftCols(D_.cols()).noalias() = J * D_;
+    B_.middleCols<6>(D_.cols()) = E;
+    B_.rightCols<1>() = residuals_.head(Used());
     for (const auto& [marker, first, count] : spans_) {
       if (context_.marker_D.size() == 0) break;  // no rows, or no unknowns that markers follow
-      B.block(first, 0, count, D_.cols()).noalias() -=
+      B_.block(first, 0, count, D_.cols()).noalias() -=
           J_marker_.middleRows(first, count) * context_.marker_D.middleRows<3>(3 * marker);
     }
-    unweighted_ = B;
-    if (camera_.noise.common_sigma > 0) B = weight_.head(used_).asDiagonal() * B;
-    sums.J_B.topRows(J.cols()).noalias() = J.transpose() * B;
+    sums.J_B.topRows(D_.rows()).noalias() = J.transpose() * B_;
     for (const auto& [marker, first, count] : spans_) {
-      if (!has_markers) break;
-      sums.J_B.middleRows<3>(J.cols() + 3 * marker).noalias() =
-          J_marker_.middleRows(first, count).transpose() * B.middleRows(first, count);
+      if (context_.marker_D.rows() == 0) break;
+      sums.J_B.middleRows<3>(D_.rows() + 3 * marker).noalias() =
+          J_marker_.middleRows(first, count).transpose() * B_.middleRows(first, count);
     }
-    sums.E_B.noalias() = E.transpose() * B;
+    sums.E_B.noalias() = E.transpose() * B_;
     return sums;
   }
 
@@ -173,17 +179,15 @@ class Rows {
     if (count == 0) return;
     // By columns: one row's numbers follow each other.
     const MatrixXd b =
-        (unweighted_.leftCols(count) - unweighted_.middleCols<6>(count) * pose_D.leftCols(count))
-            .transpose();
+        (B_.leftCols(count) - B_.middleCols<6>(count) * pose_D.leftCols(count)).transpose();
     for (const Span& span : spans_) {
       MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
       for (Eigen::Index row = span.first; row < span.first + span.count; ++row) {
-        const double weight = camera_.noise.common_sigma > 0 ? weight_[row] : 1;
-        sums.score += (weight * unweighted_(row, count + 6)) * b.col(row);
+        sums.score += B_(row, count + 6) * b.col(row);
         Eigen::Index first = 0;
         for (MatrixXd& information : sums.information) {
           const auto own = b.col(row).segment(first, information.rows());
-          information.selfadjointView<Eigen::Lower>().rankUpdate(own, weight);
+          information.selfadjointView<Eigen::Lower>().rankUpdate(own);
           first += own.size();
         }
       }
@@ -196,193 +200,102 @@ class Rows {
     Eigen::Index marker, first, count;
   };
 
+  [[nodiscard]] Eigen::Index Used() const {
+    return spans_.empty() ? 0 : spans_.back().first + spans_.back().count;
+  }
   void Reserve(Eigen::Index rows) {
     if (rows <= J_.rows()) return;
-    J_.resize(rows, J_.cols());
-    E_.resize(rows, 6);
-    J_marker_.resize(rows, 3);
-    residuals_.resize(rows);
-    weight_.resize(rows);
-  }
-
-  // Rows of one marker in one view; where they have common noise, their sum with a negative weight.
-  void AddMarker(const internal::LinearisedView& view, size_t begin, size_t end) {
-    const Eigen::Index first_row = used_;
-    double information = 0;
-    std::vector<double> own_sigmas;
-    for (size_t i = begin; i < end; ++i) {
-      const BundleObservation& observation = context_.bundle.observations[i];
-      if (!observation.used || !Linearise(view, observation)) continue;
-      const double own = camera_.noise.OwnSigma(observation.assumed_sigma);
-      weight_.segment(used_, dimension_).setOnes();
-      used_ += dimension_;
-      if (camera_.noise.common_sigma == 0) continue;
-      information += 1 / (own * own);
-      own_sigmas.push_back(own);
-    }
-    if (own_sigmas.empty()) return;
-    const auto sum = [&](auto& rows) {
-      auto target = rows.middleRows(used_, dimension_);
-      target.setZero();
-      Eigen::Index row = first_row;
-      for (const double own : own_sigmas) {
-        target += rows.middleRows(row, dimension_) / own;
-        row += dimension_;
-      }
-    };
-    sum(J_);
-    sum(E_);
-    sum(J_marker_);
-    sum(residuals_);
-    weight_.segment(used_, dimension_)
-        .setConstant(-internal::CommonShare(camera_.noise.common_sigma, information));
-    used_ += dimension_;
-  }
-
-  // Writes the next rows.
-  bool Linearise(const internal::LinearisedView& view, const BundleObservation& observation) {
-    Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics;
-    double residual[kMaxObservationSize];
-    const auto marker = static_cast<size_t>(observation.marker);
-    const bool inside =
-        internal::Linearise(camera_,
-                            camera_.params.data(),
-                            view,
-                            context_.bundle.markers[marker].position,
-                            observation,
-                            {.residual = residual,
-                             .J_params = J_params_.data(),
-                             .J_extrinsics = extrinsics_ >= 0 ? J_extrinsics.data() : nullptr,
-                             .J_pose = E_.row(used_).data(),
-                             .J_marker = J_marker_.row(used_).data()});
-    if (!inside) return false;
-    auto J = J_.middleRows(used_, dimension_);
-    residuals_.segment(used_, dimension_) = Eigen::Map<const VectorXd>(residual, dimension_);
-    J.setZero();
-    for (size_t k = 0; k < params_.size(); ++k) {
-      for (Eigen::Index r = 0; r < dimension_ && params_[k] >= 0; ++r) {
-        J(r, params_[k]) += J_params_[static_cast<size_t>(r) * params_.size() + k];
-      }
-    }
-    if (extrinsics_ >= 0) J.middleCols<6>(extrinsics_) = J_extrinsics.topRows(dimension_);
-    if (const auto target = context_.bundle.FreeTarget(observation.marker)) {
-      J.middleCols<6>(targets_[*target]) =
-          J_marker_.middleRows(used_, dimension_) *
-          internal::PointByTargetPose(context_.bundle.targets[*target].T_target_own,
-                                      context_.bundle.markers[marker].position);
-    }
-    return true;
+    J_.conservativeResize(2 * rows, D_.rows());
+    E_.conservativeResize(2 * rows, 6);
+    J_marker_.conservativeResize(2 * rows, 3);
+    residuals_.conservativeResize(2 * rows);
   }
 
   const RowContext& context_;
-  const BundleCamera& camera_;
-  std::vector<int> own_;      // indices of the camera's unknowns: the columns of J_
-  std::vector<int> params_;   // per parameter its column, or -1
-  int extrinsics_ = -1;       // first column; -1: not estimated
-  std::vector<int> targets_;  // the same per target
-  MatrixXd D_;                // rows of the directions
-  Eigen::Index dimension_;
-  std::vector<double> J_params_;
-  RowMatrix J_, E_;
-  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> J_marker_;
-  VectorXd residuals_;  // `used_` rows count, here and above
-  VectorXd weight_;
-  MatrixXd B_, unweighted_;  // of the last view, with the rows' weights and without
+  std::vector<int> own_;        // indices of the camera's unknowns: the columns of J_
+  std::vector<int> params_;     // per parameter its column, or -1
+  int extrinsics_ = -1;         // first column; -1: not estimated
+  std::vector<int> targets_;    // the same per target
+  MatrixXd D_;                  // rows of the directions
+  RowMatrix J_, E_, J_marker_;  // of the view
+  VectorXd residuals_;
+  MatrixXd B_;
   std::vector<Span> spans_;
-  Eigen::Index used_ = 0;
 };
 
-// Goes through the observations frame by frame.
+// Sums over the rows of one frame after the other: a visitor of rows. Calls `use` with the sums of
+// each frame that has a pose, this eliminated, and with the unknowns that they depend on: rows of
+// others are zero. With `markers`, adds the frame's rows to the sums of each marker. REQUIRES: no
+// jitter, when `markers` are given.
 class FrameScores {
  public:
-  FrameScores(const Bundle& bundle, const Uncertainty& uncertainty, const MatrixXd& D)
-      : context_{.bundle = bundle, .uncertainty = uncertainty, .D = D} {
-    if (uncertainty.marker_gain.size() > 0) context_.marker_D = uncertainty.marker_gain * D;
-    for (size_t c = 0; c < bundle.cameras.size(); ++c) rows_.emplace_back(context_, c);
-  }
-  FrameScores(const FrameScores&) = delete;
-  FrameScores& operator=(const FrameScores&) = delete;
+  using Use = std::function<void(const std::vector<int>& touched, const PoseSums& sums)>;
 
-  // Calls `use` with the sums of each frame that has a pose, this eliminated, and with the unknowns
-  // that they depend on: rows of others are zero. With `markers`, adds the frame's rows to the
-  // sums of each marker. REQUIRES: no jitter, when `markers` are given.
-  template <typename Use>
-  void ForEach(const Use& use, std::vector<MarkerSums>* markers = nullptr) {
-    const size_t count = context_.bundle.observations.size();
-    for (size_t begin = 0, end = 0; begin < count; begin = end) {
-      end = EndOfFrame(begin);
-      std::vector<int> touched;
-      PoseSums sums = SumFrame(begin, end, &touched);
-      const std::optional<MatrixXd> pose_D = sums.EliminatePose();
-      if (!pose_D) continue;
-      use(touched, sums);
-      if (markers != nullptr) AddToMarkers(begin, end, *pose_D, markers);
+  FrameScores(const RowContext& context, Use use, std::vector<MarkerSums>* markers)
+      : context_(context), use_(std::move(use)), markers_(markers) {
+    for (size_t c = 0; c < context.bundle.cameras.size(); ++c) rows_.emplace_back(context_, c);
+  }
+
+  void Marker(const internal::VisitedView& view, const internal::MarkerRows& rows) {
+    if (view.camera != camera_ || !in_view_) rows_[view.camera].Clear();
+    camera_ = view.camera;
+    in_view_ = true;
+    rows_[camera_].Add(rows);
+  }
+
+  void EndView(const internal::VisitedView& view) {
+    const Bundle& bundle = context_.bundle;
+    const Eigen::Index markers = context_.marker_D.rows();
+    if (cameras_.empty()) {
+      sums_ = PoseSums(context_.D.rows(), context_.D.cols());
+      of_markers_ = MatrixXd::Zero(markers, sums_.J_B.cols());
     }
+    cameras_.push_back(view.camera);
+    in_view_ = false;
+    PoseSums sums = rows_[view.camera].SumView();
+    if (bundle.EstimatesJitter()) {
+      // The charts of pose and jitter differ by rotations of the size of the jitter.
+      const Matrix6d W = JitterWeight(bundle, view.frame, view.camera);
+      sums.EliminateJitter(W.transpose() * W,
+                           bundle.jitter.delta[bundle.View(view.frame, view.camera)]);
+    }
+    const std::vector<int>& own = rows_[view.camera].Own();
+    sums_.J_B(own, Eigen::all) += sums.J_B.topRows(static_cast<Eigen::Index>(own.size()));
+    of_markers_ += sums.J_B.bottomRows(markers);
+    sums_.E_B += sums.E_B;
+    touched_.insert(touched_.end(), own.begin(), own.end());
+  }
+
+  void EndFrame(size_t /*frame*/) {
+    if (of_markers_.rows() > 0) {
+      sums_.J_B.noalias() -= context_.uncertainty.marker_gain.transpose() * of_markers_;
+      touched_.resize(static_cast<size_t>(context_.D.rows()));
+      std::iota(touched_.begin(), touched_.end(), 0);
+    }
+    std::ranges::sort(touched_);
+    // Not std::ranges::unique: Clang 14, which the fuzzer needs, has none with GCC's library.
+    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+    if (const std::optional<MatrixXd> pose_D = sums_.EliminatePose()) {
+      use_(touched_, sums_);
+      for (const size_t c : cameras_) {
+        if (markers_ != nullptr) rows_[c].AddToMarkers(*pose_D, markers_);
+      }
+    }
+    cameras_.clear();
+    touched_.clear();
   }
 
  private:
-  [[nodiscard]] size_t EndOfFrame(size_t begin) const {
-    const auto& observations = context_.bundle.observations;
-    const auto first = observations.begin() + static_cast<std::ptrdiff_t>(begin);
-    const auto other = std::find_if_not(first, observations.end(), [&](const auto& o) {
-      return o.frame == observations[begin].frame;
-    });
-    return static_cast<size_t>(other - observations.begin());
-  }
-
-  // Adds the rows of the frame [begin, end), which was summed last and whose rows each camera
-  // keeps.
-  void AddToMarkers(size_t begin,
-                    size_t end,
-                    const MatrixXd& pose_D,
-                    std::vector<MarkerSums>* markers) {
-    const auto& observations = context_.bundle.observations;
-    for (; begin < end; begin = EndOfView(observations, begin)) {
-      rows_[static_cast<size_t>(observations[begin].camera)].AddToMarkers(pose_D, markers);
-    }
-  }
-
-  // Sums over the observations [begin, end) of one view.
-  PoseSums SumView(size_t begin, size_t end) {
-    const Bundle& bundle = context_.bundle;
-    const auto frame = static_cast<size_t>(bundle.observations[begin].frame);
-    const auto c = static_cast<size_t>(bundle.observations[begin].camera);
-    return rows_[c].SumView(internal::ViewOf(bundle, frame, c), begin, end);
-  }
-
-  PoseSums SumFrame(size_t begin, size_t end, std::vector<int>* touched) {
-    const Bundle& bundle = context_.bundle;
-    const Eigen::Index unknowns = context_.D.rows(), markers = context_.marker_D.rows();
-    const auto frame = static_cast<size_t>(bundle.observations[begin].frame);
-    PoseSums sums(unknowns, context_.D.cols());
-    MatrixXd of_markers = MatrixXd::Zero(markers, sums.J_B.cols());
-    for (size_t next = 0; begin < end; begin = next) {
-      const auto c = static_cast<size_t>(bundle.observations[begin].camera);
-      next = EndOfView(bundle.observations, begin);
-      PoseSums view = SumView(begin, next);
-      if (bundle.EstimatesJitter()) {
-        const Matrix6d W = JitterWeight(bundle, frame, c);
-        view.EliminateJitter(W.transpose() * W, bundle.jitter.delta[bundle.View(frame, c)]);
-      }
-      const std::vector<int>& own = rows_[c].Own();
-      sums.J_B(own, Eigen::all) += view.J_B.topRows(static_cast<Eigen::Index>(own.size()));
-      of_markers += view.J_B.bottomRows(markers);
-      sums.E_B += view.E_B;
-      touched->insert(touched->end(), own.begin(), own.end());
-    }
-    if (markers > 0) {
-      sums.J_B.noalias() -= context_.uncertainty.marker_gain.transpose() * of_markers;
-      touched->resize(static_cast<size_t>(unknowns));
-      std::iota(touched->begin(), touched->end(), 0);
-    }
-    std::ranges::sort(*touched);
-    // Not std::ranges::unique: Clang 14, which the fuzzer needs, has none with GCC's library.
-    touched->erase(std::unique(touched->begin(), touched->end()), touched->end());
-    return sums;
-  }
-
-  RowContext context_;
-  std::vector<Rows> rows_;
+  const RowContext& context_;
+  Use use_;
+  std::vector<MarkerSums>* markers_;
+  std::vector<CameraRows> rows_;
+  size_t camera_ = 0;
+  bool in_view_ = false;
+  std::vector<size_t> cameras_;  // of the present frame
+  std::vector<int> touched_;
+  PoseSums sums_{0, 0};
+  MatrixXd of_markers_;
 };
 
 // Directions in a space of `unknowns` dimensions: all, or combinations with signs drawn at random.
@@ -475,7 +388,10 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
           D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) - own.transpose() * own);
     }
   };
-  FrameScores(bundle, uncertainty, D).ForEach(add_frame, markers.empty() ? nullptr : &markers);
+  RowContext context{.bundle = bundle, .uncertainty = uncertainty, .D = D};
+  if (uncertainty.marker_gain.size() > 0) context.marker_D = uncertainty.marker_gain * D;
+  internal::RowWalk(bundle, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
+      .Visit(FrameScores(context, add_frame, markers.empty() ? nullptr : &markers));
   for (const MarkerSums& marker : markers) {
     for (size_t c = 0; c < of_markers.size(); ++c) {
       const auto of_camera = directions.Of(c);

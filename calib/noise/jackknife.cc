@@ -8,7 +8,7 @@
 #include <mutex>
 #include <set>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 

@@ -5,9 +5,8 @@
 #include <set>
 #include <utility>
 
-#include "calib/adjust/landmarks.h"
-#include "calib/adjust/linearise.h"
-#include "calib/adjust/solver/prior_costs.h"
+#include "calib/adjust/priors.h"
+#include "calib/adjust/rows.h"
 #include "calib/base/format_error.h"
 #include "calib/noise/camera_noise.h"
 
@@ -15,30 +14,14 @@ namespace plenocal {
 namespace {
 
 using internal::UnknownLayout;
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Used observations of each landmark, in the bundle's order.
-std::vector<std::vector<size_t>> UsedByLandmark(const Bundle& bundle) {
-  std::vector<std::vector<size_t>> of_marker = ObservationsOfMarkers(bundle);
-  for (std::vector<size_t>& indices : of_marker) {
-    std::erase_if(indices, [&](size_t i) { return !bundle.observations[i].used; });
-  }
-  return of_marker;
-}
-
-// The rows of one observation: their derivatives by parameters, extrinsics and pose side by side,
-// with the index of each column in the whole system, and those by the landmark.
-struct ObservationRows {
+// The rows of one landmark in one view: their derivatives by parameters, extrinsics and pose side
+// by side, with the index of each column in the whole system, and those by the landmark.
+struct LandmarkRows {
   std::vector<int> columns;
   Eigen::MatrixXd J;
   Eigen::Matrix<double, Eigen::Dynamic, 3> J_landmark;
   Eigen::VectorXd residual;
-
-  void Add(double factor, const ObservationRows& other) {
-    J += factor * other.J;
-    J_landmark += factor * other.J_landmark;
-    residual += factor * other.residual;
-  }
 };
 
 // Parts of the system that one landmark touches: sums by global index.
@@ -52,11 +35,11 @@ class LandmarkSums {
     V_.setZero();
     W_.setZero();
   }
-  // Adds sign * rows' rows: the part without the landmark to `S`, the others here.
-  void Add(double sign, const ObservationRows& rows, Eigen::MatrixXd* S) {
-    const Eigen::MatrixXd square = sign * rows.J.transpose() * rows.J;
-    const Eigen::MatrixXd cross = sign * rows.J.transpose() * rows.J_landmark;
-    V_ += sign * rows.J_landmark.transpose() * rows.J_landmark;
+  // Adds rows' rows: the part without the landmark to `S`, the others here.
+  void Add(const LandmarkRows& rows, Eigen::MatrixXd* S) {
+    const Eigen::MatrixXd square = rows.J.transpose() * rows.J;
+    const Eigen::MatrixXd cross = rows.J.transpose() * rows.J_landmark;
+    V_ += rows.J_landmark.transpose() * rows.J_landmark;
     const auto count = static_cast<Eigen::Index>(rows.columns.size());
     for (Eigen::Index i = 0; i < count; ++i) {
       const int column = rows.columns[static_cast<size_t>(i)];
@@ -115,14 +98,24 @@ class LandmarkSums {
 class LandmarkReduction {
  public:
   LandmarkReduction(const Bundle& bundle, const UnknownLayout& layout)
-      : bundle_(bundle), layout_(layout), by_landmark_(UsedByLandmark(bundle)) {
+      : bundle_(bundle), layout_(layout), by_landmark_(bundle.markers.size()) {
+    for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+      rows_of_camera_.emplace_back(bundle.cameras[c],
+                                   internal::RowColumns{.params = true,
+                                                        .extrinsics = layout.extrinsics[c] >= 0,
+                                                        .pose = true,
+                                                        .marker = true});
+    }
     system_.head = layout.head;
     int next = layout.head;
     std::vector<bool> observed(bundle.T_rig_target.size(), false);
-    for (const auto& observations : by_landmark_) {
-      for (const size_t i : observations) {
-        observed[static_cast<size_t>(bundle.observations[i].frame)] = true;
-      }
+    const std::span<const BundleObservation> all = bundle.observations;
+    for (size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+      end = EndOfMarker(bundle.observations, begin);
+      const auto run = all.subspan(begin, end - begin);
+      if (std::ranges::none_of(run, &BundleObservation::used)) continue;
+      by_landmark_[static_cast<size_t>(run.front().marker)].push_back(run);
+      observed[static_cast<size_t>(run.front().frame)] = true;
     }
     for (size_t frame = 0; frame < observed.size(); ++frame) {
       const bool free = observed[frame] && bundle.fixed_frame != frame;
@@ -145,9 +138,7 @@ class LandmarkReduction {
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
       if (by_landmark_[m].empty()) continue;
       sums.Clear();
-      VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
-        sums.Add(sign, rows, &system_.information);
-      });
+      VisitLandmark(m, [&](const LandmarkRows& rows) { sums.Add(rows, &system_.information); });
       if (system_.landmark[m] < 0) {
         sums.Eliminate(&system_.information);
       } else {
@@ -155,7 +146,7 @@ class LandmarkReduction {
       }
     }
     AddDistances();
-    AddCalibrationPrior(bundle_, layout_, &system_.information);
+    AddInformation(internal::RowsOfCalibrationPrior(bundle_, layout_), &system_.information);
     return std::move(system_);
   }
 
@@ -174,13 +165,13 @@ class LandmarkReduction {
       Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(size, 3);
       Eigen::Vector3d of_landmark = Eigen::Vector3d::Zero();
       Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-      VisitLandmark(by_landmark_[m], [&](double sign, const ObservationRows& rows) {
+      VisitLandmark(m, [&](const LandmarkRows& rows) {
         const Eigen::MatrixXd along = rows.J * directions(rows.columns, Eigen::all);
-        information += sign * along.transpose() * along;
-        gradient += sign * along.transpose() * rows.residual;
-        cross += sign * along.transpose() * rows.J_landmark;
-        of_landmark += sign * rows.J_landmark.transpose() * rows.residual;
-        V += sign * rows.J_landmark.transpose() * rows.J_landmark;
+        information += along.transpose() * along;
+        gradient += along.transpose() * rows.residual;
+        cross += along.transpose() * rows.J_landmark;
+        of_landmark += rows.J_landmark.transpose() * rows.residual;
+        V += rows.J_landmark.transpose() * rows.J_landmark;
       });
       // The landmark's own gradient is zero only as far as the adjustment has converged.
       const Eigen::LLT<Eigen::Matrix3d> factor(V);
@@ -194,84 +185,42 @@ class LandmarkReduction {
   }
 
  private:
-  // Calls add(sign, rows) for the observations of one landmark, those of one view with their common
-  // noise.
+  // Calls add(rows) for the rows of one landmark in each view.
   template <typename Add>
-  void VisitLandmark(const std::vector<size_t>& observations, const Add& add) {
-    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
-      const BundleObservation& first = bundle_.observations[observations[begin]];
-      const BundleCamera& camera = bundle_.cameras[static_cast<size_t>(first.camera)];
-      const double common = camera.noise.common_sigma;
-      double information = 0;
-      ObservationRows sum;
-      for (; end < observations.size(); ++end) {
-        const BundleObservation& observation = bundle_.observations[observations[end]];
-        if (observation.frame != first.frame || observation.camera != first.camera) break;
-        if (!Linearise(observation)) continue;
-        add(1.0, rows_);
-        if (common == 0) continue;
-        const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
-        information += weight * weight;
-        if (sum.columns.empty()) {
-          sum = rows_;
-          sum.J *= weight;
-          sum.J_landmark *= weight;
-          sum.residual *= weight;
-        } else {
-          sum.Add(weight, rows_);
-        }
-      }
-      if (information > 0) {
-        add(-internal::CommonShare(common, information), sum);
-      }
+  void VisitLandmark(size_t landmark, const Add& add) {
+    for (const std::span<const BundleObservation> run : by_landmark_[landmark]) {
+      const auto c = static_cast<size_t>(run.front().camera);
+      const auto frame = static_cast<size_t>(run.front().frame);
+      internal::MarkerRows& of_view = rows_of_camera_[c];
+      of_view.Load(
+          internal::ViewOf(bundle_, frame, c), bundle_.markers[landmark].position, run, {});
+      if (of_view.Count() == 0) continue;
+      SetRows(of_view, c, system_.pose[frame]);
+      add(rows_);
     }
   }
 
-  // Sets `rows_`; false outside the model's domain.
-  bool Linearise(const BundleObservation& observation) {
-    const auto c = static_cast<size_t>(observation.camera);
-    const auto frame = static_cast<size_t>(observation.frame);
-    const BundleCamera& camera = bundle_.cameras[c];
-    const auto count = static_cast<Eigen::Index>(camera.model->measured.size());
+  // Sets `rows_`. `pose`: index of the frame's pose, or -1.
+  void SetRows(const internal::MarkerRows& of_view, size_t c, int pose) {
     const std::vector<int>& params = layout_.params[c];
-    J_params_.resize(count, static_cast<Eigen::Index>(params.size()));
-    const bool extrinsics = layout_.extrinsics[c] >= 0;
-    double residual[kMaxObservationSize];
-    if (!internal::Linearise(
-            camera,
-            camera.params.data(),
-            {.T_camera_rig = camera.T_camera_rig, .T_rig_target = bundle_.T_rig_target[frame]},
-            bundle_.markers[static_cast<size_t>(observation.marker)].position,
-            observation,
-            {.residual = residual,
-             .J_params = J_params_.data(),
-             .J_extrinsics = extrinsics ? J_extrinsics_.data() : nullptr,
-             .J_pose = J_pose_.data(),
-             .J_marker = J_marker_.data()})) {
-      return false;
-    }
     rows_.columns.clear();
-    rows_.J.resize(count, static_cast<Eigen::Index>(params.size()) + 12);
-    Eigen::Index next = 0;
-    for (size_t k = 0; k < params.size(); ++k) {
-      const auto column = static_cast<Eigen::Index>(k);
-      if (params[k] < 0 || (camera.model->support_size > 0 && J_params_.col(column).isZero(0)))
-        continue;
-      rows_.columns.push_back(params[k]);
-      rows_.J.col(next++) = J_params_.col(column);
-    }
-    const auto add_six = [&](int first, const auto& J) {
-      for (int i = 0; first >= 0 && i < 6; ++i) {
-        rows_.columns.push_back(first + i);
-        rows_.J.col(next++) = J.col(i).head(count);
-      }
+    rows_.J.resize(of_view.Count(), static_cast<Eigen::Index>(params.size()) + 12);
+    const auto add = [&](int column, const auto& J) {
+      rows_.J.col(std::ssize(rows_.columns)) = J;
+      rows_.columns.push_back(column);
     };
-    add_six(layout_.extrinsics[c], J_extrinsics_);
-    add_six(system_.pose[frame], J_pose_);
-    rows_.J.conservativeResize(Eigen::NoChange, next);
-    rows_.J_landmark = J_marker_.topRows(count);
-    rows_.residual = Eigen::Map<const Eigen::VectorXd>(residual, count);
-    return true;
+    for (size_t k = 0; k < params.size(); ++k) {
+      const auto column = of_view.Params().col(static_cast<Eigen::Index>(k));
+      const bool local = bundle_.cameras[c].model->support_size > 0;
+      if (params[k] < 0 || (local && column.isZero(0))) continue;
+      add(params[k], column);
+    }
+    const int extrinsics = layout_.extrinsics[c];
+    for (int i = 0; extrinsics >= 0 && i < 6; ++i) add(extrinsics + i, of_view.Extrinsics().col(i));
+    for (int i = 0; pose >= 0 && i < 6; ++i) add(pose + i, of_view.Pose().col(i));
+    rows_.J.conservativeResize(Eigen::NoChange, std::ssize(rows_.columns));
+    rows_.J_landmark = of_view.Position();
+    rows_.residual = of_view.Residual();
   }
 
   void AddDistances() {
@@ -299,13 +248,12 @@ class LandmarkReduction {
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
-  std::vector<std::vector<size_t>> by_landmark_;
+  // Used observations of each landmark, those of a view together.
+  std::vector<std::vector<std::span<const BundleObservation>>> by_landmark_;
   std::vector<internal::DistanceRows> distances_;
   PoseSystem system_;
-  ObservationRows rows_;
-  RowMatrix J_params_;
-  Eigen::Matrix<double, kMaxObservationSize, 6, Eigen::RowMajor> J_extrinsics_, J_pose_;
-  Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J_marker_;
+  std::vector<internal::MarkerRows> rows_of_camera_;
+  LandmarkRows rows_;
 };
 
 }  // namespace
@@ -319,12 +267,6 @@ LandmarkScores ScoreLandmarks(const Bundle& bundle,
                               const Eigen::MatrixXd& directions,
                               std::span<const int> group) {
   return LandmarkReduction(bundle, layout).Scores(directions, group);
-}
-
-UnknownLayout LayoutOf(const Bundle& bundle) {
-  std::vector<bool> has_data;
-  for (const double count : UsedCoordinates(bundle)) has_data.push_back(count > 0);
-  return internal::MakeLayout(bundle, has_data);
 }
 
 Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
@@ -358,7 +300,7 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
   for (const auto& group : bundle.DistanceGroups()) shared -= static_cast<double>(group.size());
   double all = 0;
   for (const double count : coordinates) all += count;
-  const UnknownLayout layout = LayoutOf(bundle);
+  const UnknownLayout layout = internal::MakeLayout(bundle);
   std::vector<double> degrees;
   for (size_t c = 0; c < coordinates.size(); ++c) {
     degrees.push_back(shared * coordinates[c] / std::max(1.0, all));
@@ -370,28 +312,6 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
     }
   }
   return degrees;
-}
-
-void AddCalibrationPrior(const Bundle& bundle,
-                         const UnknownLayout& layout,
-                         Eigen::MatrixXd* information) {
-  if (!bundle.prior) return;
-  const CalibrationPrior& prior = *bundle.prior;
-  const auto count = static_cast<Eigen::Index>(prior.unknowns.size());
-  std::vector<int> columns;
-  for (const CalibrationPrior::Unknown& unknown : prior.unknowns) {
-    const int extrinsics = layout.extrinsics[unknown.camera];
-    columns.push_back(unknown.param    ? layout.params[unknown.camera][*unknown.param]
-                      : extrinsics < 0 ? -1
-                                       : extrinsics + static_cast<int>(unknown.component));
-  }
-  const Eigen::MatrixXd square = prior.weight.transpose() * prior.weight;
-  for (Eigen::Index i = 0; i < count; ++i) {
-    for (Eigen::Index j = 0; j < count; ++j) {
-      const int row = columns[static_cast<size_t>(i)], column = columns[static_cast<size_t>(j)];
-      if (row >= column && column >= 0) (*information)(row, column) += square(i, j);
-    }
-  }
 }
 
 }  // namespace plenocal

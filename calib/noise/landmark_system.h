@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
-#include "calib/noise/reduced_system.h"
+#include "calib/adjust/layout.h"
 
 namespace plenocal {
 
@@ -29,9 +29,6 @@ struct PoseSystem {
 
 /// REQUIRES: `bundle.HasLandmarks()`, no jitter.
 PoseSystem EliminateLandmarks(const Bundle& bundle, const internal::UnknownLayout& layout);
-
-/// `layout` of a bundle's used observations.
-internal::UnknownLayout LayoutOf(const Bundle& bundle);
 
 /// Gradients and information of the landmarks along some directions of the unknowns, each landmark
 /// at its optimum.
@@ -57,11 +54,5 @@ Eigen::MatrixXd HeadInformation(const PoseSystem& system);
 /// Per camera: degrees of freedom of its used observations that the unknowns use. Poses and
 /// landmarks are shared in proportion to the measured coordinates.
 std::vector<double> DegreesWithLandmarks(const Bundle& bundle);
-
-/// Information of `Bundle::prior` on the unknowns of a layout, added to the lower triangle of
-/// `information`.
-void AddCalibrationPrior(const Bundle& bundle,
-                         const internal::UnknownLayout& layout,
-                         Eigen::MatrixXd* information);
 
 }  // namespace plenocal

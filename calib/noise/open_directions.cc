@@ -16,7 +16,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Part of the diagonal that is rounding: entries are differences of sums.
-constexpr double kRounding = 1e-13;
+constexpr double kRoundingPart = 1e-13;
 // The estimate lies where the noise resembles motion most, so a usual level is exceeded too often.
 constexpr double kMostByChance = 1e-6;
 constexpr int kMostDegrees = 1000;
@@ -34,10 +34,10 @@ NoiseSpectrum DecomposeByNoise(const MatrixXd& M, const std::vector<MatrixXd>& o
       DecomposeSymmetric(MatrixXd(inverse_size.asDiagonal() * M * inverse_size.asDiagonal()));
   const MatrixXd whitening =
       inverse_size.asDiagonal() * spectrum.vectors *
-      spectrum.values.cwiseMax(kRounding).cwiseSqrt().cwiseInverse().asDiagonal();
+      spectrum.values.cwiseMax(kRoundingPart).cwiseSqrt().cwiseInverse().asDiagonal();
   MatrixXd mean = MatrixXd::Zero(M.rows(), M.cols());
   for (const MatrixXd& sample : of_noise) mean += sample / static_cast<double>(of_noise.size());
-  mean.diagonal() += kRounding * M.diagonal();
+  mean.diagonal() += kRoundingPart * M.diagonal();
   const SymmetricEigen parts =
       DecomposeSymmetric(MatrixXd(whitening.transpose() * mean * whitening));
   NoiseSpectrum found{whitening * parts.vectors.rowwise().reverse(), parts.values.reverse(), 0};

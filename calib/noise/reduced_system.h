@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
-#include "calib/adjust/elimination/unknown_layout.h"
+#include "calib/adjust/layout.h"
 
 namespace plenocal::internal {
 

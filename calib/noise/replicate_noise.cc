@@ -101,8 +101,7 @@ NoiseFloor EstimateNoiseFloor(const Bundle& bundle,
     if (first.camera != static_cast<int>(camera)) continue;
     for (size_t i = begin; i < end; ++i) {
       if (!include(observations[i])) continue;
-      seen.push_back(WithoutDisplacement(
-          observations[i], bundle.cameras[camera], bundle.cameras[camera].params.data()));
+      seen.push_back(WithoutDisplacement(observations[i], bundle.cameras[camera]));
     }
     if (seen.empty()) continue;
     for (const Observation& one : seen) replicates.push_back(&one);

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <numeric>
 #include <random>
 #include <utility>
 
-#include "calib/adjust/elimination/frame_elimination.h"
+#include "calib/adjust/priors.h"
+#include "calib/adjust/reduced/elimination.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/noise/camera_noise.h"
@@ -33,29 +33,6 @@ constexpr double kRankTolerance = 1e-13;
 // Shares of an unknown in directions without information below this are the eigenvectors' rounding.
 constexpr double kRoundingShare = 1e-6;
 constexpr double kSmallestUnit = 1e-12;
-// The prior of a nuisance parameter, of standard deviation 1, determines it.
-constexpr double kNuisanceUnit = 2;
-
-// Information of a `ParamPrior` on two unknowns of the reduced system, which may be one.
-struct PriorInformation {
-  int row, column;
-  double value;
-};
-
-std::vector<PriorInformation> InformationOfPriors(const Bundle& bundle,
-                                                  const UnknownLayout& layout) {
-  std::vector<PriorInformation> information;
-  for (const ParamPrior& prior : ParamPriors(bundle)) {
-    for (const auto& [a, weight_a] : prior.terms) {
-      for (const auto& [b, weight_b] : prior.terms) {
-        const int row = layout.params[a.camera][a.param], column = layout.params[b.camera][b.param];
-        if (row < 0 || column < 0) continue;
-        information.push_back({row, column, weight_a * weight_b / (prior.sigma * prior.sigma)});
-      }
-    }
-  }
-  return information;
-}
 
 // Markers eliminated from the reduced system: their block is positive definite by their prior.
 struct MarkerElimination {
@@ -102,7 +79,7 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
       if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamIndex{c, k}) continue;
       if (k >= camera.ModelParams()) {
         naming.unit[layout.params[c][k]] =
-            k == camera.time_shift ? camera.rules[k].prior->sigma : kNuisanceUnit;
+            camera.nuisances[k - camera.ModelParams()]->unit * camera.rules[k].prior->sigma;
         naming.names.push_back(NuisanceName(camera, k));
         continue;
       }
@@ -259,15 +236,19 @@ double SetMarkerErrors(const MarkerElimination& markers, double marker_sigma, Un
   return determined;
 }
 
-// Per camera: the part of its parameters that priors determine.
-std::vector<double> DegreesOfPriors(const std::vector<PriorInformation>& priors,
+// Per camera: degrees of freedom of its parameters and extrinsics that priors determine.
+std::vector<double> DegreesOfPriors(const Bundle& bundle,
                                     const UnknownLayout& layout,
+                                    const Eigen::MatrixXd& of_priors,
                                     const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd determined = covariance.cwiseProduct(of_priors).rowwise().sum();
   std::vector<double> degrees(layout.params.size(), 0.0);
-  for (const auto& [row, column, value] : priors) {
-    const auto camera = std::ranges::find_if(
-        layout.params, [&](const auto& params) { return std::ranges::count(params, row) > 0; });
-    degrees[static_cast<size_t>(camera - layout.params.begin())] += covariance(row, column) * value;
+  for (size_t c = 0; c < degrees.size(); ++c) {
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      const int index = layout.params[c][k];
+      if (index >= 0 && bundle.Root(c, k) == ParamIndex{c, k}) degrees[c] += determined[index];
+    }
+    if (layout.extrinsics[c] >= 0) degrees[c] += determined.segment<6>(layout.extrinsics[c]).sum();
   }
   return degrees;
 }
@@ -294,31 +275,12 @@ std::vector<double> DegreesOfCameras(const Bundle& bundle,
   return degrees;
 }
 
-// Information of the earlier calibration on all unknowns before the markers.
-Eigen::MatrixXd InformationOfEarlier(const Bundle& bundle, const UnknownLayout& layout) {
+// Information of all priors on the unknowns before the markers.
+Eigen::MatrixXd InformationOfPriors(const Bundle& bundle, const UnknownLayout& layout) {
   Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(layout.head, layout.head);
-  AddCalibrationPrior(bundle, layout, &lower);
+  AddInformation(internal::RowsOfParamPriors(bundle, layout), &lower);
+  AddInformation(internal::RowsOfCalibrationPrior(bundle, layout), &lower);
   return lower.selfadjointView<Eigen::Lower>();
-}
-
-// Adds the degrees of freedom of each camera's unknowns that the earlier calibration determines.
-void AddDegreesOfEarlier(const Eigen::MatrixXd& earlier,
-                         const UnknownLayout& layout,
-                         const Eigen::MatrixXd& covariance,
-                         std::vector<double>* degrees) {
-  const Eigen::VectorXd determined = covariance.cwiseProduct(earlier).rowwise().sum();
-  for (size_t c = 0; c < degrees->size(); ++c) {
-    for (size_t k = 0; k < layout.params[c].size(); ++k) {
-      if (layout.params[c][k] >= 0) (*degrees)[c] += determined[layout.params[c][k]];
-    }
-    if (layout.extrinsics[c] >= 0) {
-      (*degrees)[c] += determined.segment<6>(layout.extrinsics[c]).sum();
-    }
-  }
-}
-
-void AddPriors(const std::vector<PriorInformation>& priors, Eigen::MatrixXd* information) {
-  for (const auto& [row, column, value] : priors) (*information)(row, column) += value;
 }
 
 // The unknowns that change with the scale of all lengths: translations in the rig, and the lengths
@@ -349,7 +311,7 @@ void OpenScale(const Bundle& bundle,
   Bundle without = bundle;
   without.scale_distance.reset();
   Eigen::MatrixXd information = HeadInformation(EliminateLandmarks(without, layout));
-  AddPriors(InformationOfPriors(bundle, layout), &information);
+  AddInformation(internal::RowsOfParamPriors(bundle, layout), &information);
   const Eigen::VectorXd scale = information.diagonal()
                                     .cwiseMax(std::numeric_limits<double>::min())
                                     .cwiseSqrt()
@@ -391,7 +353,7 @@ Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
   Uncertainty result;
   result.frames_information = HeadInformation(system);
   Eigen::MatrixXd information = result.frames_information;
-  AddPriors(InformationOfPriors(bundle, layout), &information);
+  AddInformation(internal::RowsOfParamPriors(bundle, layout), &information);
   SetFromInformation(bundle, layout, {information, {}}, &result);
   result.degrees_used_by_means = DegreesWithLandmarks(bundle);
   for (size_t c = 0; c < coordinates.size(); ++c) {
@@ -415,9 +377,8 @@ class PoseNoise {
         information_(std::move(information)),
         of_priors_(information_ - markers.information),
         moved_(bundle),
-        steps_(internal::EliminateFrames(
-                   bundle, layout, internal::ObjectiveOf(bundle, {}), {.keep_steps = true})
-                   .steps) {
+        equations_(internal::EliminateFrames(
+            bundle, layout, internal::ObjectiveOf(bundle, {}), 0, {.keep_steps = true})) {
     for (const Matrix6d& covariance : reduced.pose_covariances)
       roots_.emplace_back(Root(covariance));
   }
@@ -444,7 +405,7 @@ class PoseNoise {
     }
     moved_.T_rig_target = bundle_.T_rig_target;
     moved_.jitter = bundle_.jitter;
-    steps_->Apply(step, 0, &moved_);
+    equations_.MoveStates(step, 0, &moved_);
     for (size_t frame = 0; frame < roots_.size(); ++frame) {
       const Vector6d error = roots_[frame] * Vector6d::NullaryExpr(draw);
       moved_.T_rig_target[frame] = Retract(moved_.T_rig_target[frame], error);
@@ -456,7 +417,7 @@ class PoseNoise {
   const Eigen::MatrixXd& gain_;
   Eigen::MatrixXd information_, of_priors_;
   Bundle moved_;
-  std::unique_ptr<internal::PoseSteps> steps_;
+  internal::ReducedEquations equations_;
   std::vector<Matrix6d> roots_;
 };
 
@@ -464,13 +425,10 @@ enum class By { kViews, kMotion };
 
 Uncertainty Estimate(const Bundle& bundle, By by) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
-  std::vector<bool> has_data;
-  for (const double count : coordinates) has_data.push_back(count > 0);
-  const UnknownLayout layout = internal::MakeLayout(bundle, has_data);
+  const UnknownLayout layout = internal::MakeLayout(bundle);
   if (bundle.HasLandmarks()) return UncertaintyWithLandmarks(bundle, layout, coordinates);
   const ReducedSystem reduced = internal::Reduce(bundle, layout);
   const MarkerElimination markers = EliminateMarkers(reduced.S, layout);
-  const std::vector<PriorInformation> priors = InformationOfPriors(bundle, layout);
 
   Uncertainty result;
   result.frames_information = markers.information;
@@ -481,13 +439,8 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
     result.frames_information -=
         markers.gain.transpose() * markers.gain / bundle.marker_freedom.Variance();
   }
-  Eigen::MatrixXd information = markers.information;
-  AddPriors(priors, &information);
-  Eigen::MatrixXd of_earlier;
-  if (bundle.prior) {
-    of_earlier = InformationOfEarlier(bundle, layout);
-    information += of_earlier;
-  }
+  const Eigen::MatrixXd of_priors = InformationOfPriors(bundle, layout);
+  const Eigen::MatrixXd information = markers.information + of_priors;
   result.marker_gain = markers.gain;
   NoisyInformation noisy{information, {}};
   if (by == By::kMotion) {
@@ -506,11 +459,11 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
   result.jitter_translation_redundancy = reduced.jitter_translations;
   result.jitter_rotation_redundancy = reduced.jitter_rotations;
-  std::vector<double> of_priors = DegreesOfPriors(priors, layout, result.covariance);
-  if (bundle.prior) AddDegreesOfEarlier(of_earlier, layout, result.covariance, &of_priors);
+  const std::vector<double> by_priors =
+      DegreesOfPriors(bundle, layout, of_priors, result.covariance);
   std::vector<double> own = DegreesOfCameras(bundle, layout, &result);
   for (size_t c = 0; c < coordinates.size(); ++c) {
-    own[c] -= of_priors[c];
+    own[c] -= by_priors[c];
     own[c] += (marker_degrees + 6 * free_targets) * coordinates[c] / std::max(1.0, all_coordinates);
     result.redundancy.push_back(coordinates[c] - own[c] - reduced.degrees_of_poses[c]);
     result.degrees_used_by_means.push_back(own[c] + reduced.degrees_of_poses_by_means[c]);

@@ -120,13 +120,7 @@ bool ShowsMotion(const Bundle& bundle, const RigTimes& times) {
 
 void AddTimeShifts(const RigTimes& times, Bundle* bundle) {
   for (size_t c = 1; c < bundle->cameras.size(); ++c) {
-    BundleCamera& camera = bundle->cameras[c];
-    camera.at_bound.clear();  // of the adjustment before
-    camera.rules.resize(camera.params.size());
-    camera.rules.push_back({.prior = ParamRule::Prior{.value = 0, .sigma = times.interval}});
-    camera.time_shift = camera.params.size();
-    camera.params.push_back(0);
-    camera.fixed.push_back(false);
+    AddNuisance(nuisances::kTimeShift, times.interval, &bundle->cameras[c]);
   }
   UpdateMotion(times, bundle);
 }
@@ -153,7 +147,8 @@ void UpdateMotion(const RigTimes& times, Bundle* bundle) {
     }
     for (size_t c = 0; c < cameras; ++c) {
       const BundleCamera& camera = bundle->cameras[c];
-      const double shift = camera.time_shift ? camera.params[*camera.time_shift] : 0;
+      const std::optional<size_t> index = camera.Find(nuisances::kTimeShift);
+      const double shift = index ? camera.params[*index] : 0;
       const double after = times.after_frame[bundle->View(frame, c)] + shift;
       const PolynomialWeights weights = WeightsAt(after, nodes, static_cast<int>(window) - 1);
       ViewMotion& motion = bundle->motion[bundle->View(frame, c)];

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/adjust/priors.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/noise/landmark_system.h"
@@ -240,7 +241,7 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
                                       size_t camera,
                                       std::span<const size_t> start,
                                       std::span<const size_t> end) {
-  const internal::UnknownLayout layout = LayoutOf(bundle);
+  const internal::UnknownLayout layout = internal::MakeLayout(bundle);
   const PoseSystem system = EliminateLandmarks(bundle, layout);
   const Eigen::LLT<Eigen::MatrixXd> factor(system.information.selfadjointView<Eigen::Lower>());
   if (factor.info() != Eigen::Success) {
@@ -261,7 +262,7 @@ LoopCovariance EstimateLoopCovariance(const Bundle& bundle,
   const Neighbourhoods neighbourhoods(bundle, MakeSegment(bundle, camera, start).centre, end);
   const LandmarkScores scores = ScoreLandmarks(bundle, layout, directions, neighbourhoods.Group());
   Eigen::MatrixXd of_prior = Eigen::MatrixXd::Zero(system.Size(), system.Size());
-  AddCalibrationPrior(bundle, layout, &of_prior);
+  AddInformation(internal::RowsOfCalibrationPrior(bundle, layout), &of_prior);
   const Eigen::MatrixXd of_calibration =
       directions.transpose() * (of_prior.selfadjointView<Eigen::Lower>() * directions);
   Eigen::MatrixXd by_tracks = scores.gradients * scores.gradients.transpose() + of_calibration;

@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/resection.h"

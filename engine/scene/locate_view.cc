@@ -47,7 +47,7 @@ Bundle BundleOf(const CalibratedCamera& camera,
   bundle.cameras = {CameraOf(camera)};
   bundle.T_rig_target.resize(1);
   std::map<int, int> index;
-  AddNuisances({&view, 1}, &bundle.cameras[0]);
+  AddSharedErrors({&view, 1}, &bundle.cameras[0]);
   for (size_t i = 0; i < view.observations.size(); ++i) {
     const Observation& seen = view.observations[i];
     const auto point = points.find(seen.marker);

@@ -46,7 +46,7 @@ Bundle MakeSceneBundle(const SceneTracks& tracks, const std::vector<BundleCamera
     frame_index.emplace(tracks.frames[i], static_cast<int>(i));
   }
   for (size_t c = 0; c < tracks.views.size(); ++c) {
-    AddNuisances(tracks.views[c], &bundle.cameras[c]);
+    AddSharedErrors(tracks.views[c], &bundle.cameras[c]);
     for (const View& view : tracks.views[c]) {
       const int frame = frame_index.at(view.frame);
       for (size_t i = 0; i < view.observations.size(); ++i) {

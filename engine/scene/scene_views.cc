@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "calib/adjust/landmarks.h"
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"

@@ -35,8 +35,9 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("calib/camera", {"calib/io"});
   add("calib/files", {"calib/camera"});
   add("calib/adjust", {"calib/files"});
-  add("calib/adjust/elimination", {"calib/adjust"});
-  add("calib/adjust/solver", {"calib/adjust/elimination"});
+  add("calib/adjust/reduced", {"calib/adjust"});
+  add("calib/adjust/all_unknowns", {"calib/adjust"});
+  add("calib/adjust/solver", {"calib/adjust/reduced", "calib/adjust/all_unknowns"});
   add("calib/noise", {"calib/adjust/solver"});
   add("calib/start", {"calib/noise"});
   add("calib/rig", {"calib/start"});

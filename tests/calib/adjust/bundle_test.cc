@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "calib/adjust/linearise.h"
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/rows.h"
+#include "calib/adjust/solver/adjust.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -267,53 +267,64 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   constexpr double kStep = 1e-6;        // of unknowns of size 1, m and rad
   constexpr double kDerivative = 1e-6;  // 1e-16 / kStep of rounding times the length of a row
   const SyntheticProblem problem = Stereo(0.3);
-  const Bundle bundle = TrueBundle(problem);
-  const BundleCamera& camera = bundle.cameras[1];
-  const RigidTransform extrinsics = camera.T_camera_rig, pose = bundle.T_rig_target[3];
-  Vector6d at_extrinsics, at_pose, at_jitter;
-  at_extrinsics << 0.01, -0.02, 0.005, 0.02, 0.01, -0.03;
-  at_pose << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;  // inside the chart its Jacobian is not 1
-  at_jitter << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (observation.camera != 1 || observation.marker % 40 != 0) continue;
-    Eigen::VectorXd unknowns(camera.params.size() + 21);
-    unknowns << Eigen::Map<const Eigen::VectorXd>(camera.params.data(), camera.params.size()),
-        at_extrinsics, at_pose, at_jitter,
-        bundle.markers[static_cast<size_t>(observation.marker)].position;
-    const auto n = static_cast<Eigen::Index>(camera.params.size());
-    const auto linearise = [&](const Eigen::VectorXd& x, internal::LinearisedRows rows) {
-      const internal::LinearisedView view{
-          .T_camera_rig = Retract(extrinsics, x.segment<6>(n)),
-          .T_rig_target = Retract(Retract(pose, x.segment<6>(n + 6)), x.segment<6>(n + 12)),
-          .chart_extrinsics = LeftJacobian(x.segment<3>(n + 3)),
-          .chart_pose = ExpRotation(x.segment<3>(n + 15)) * LeftJacobian(x.segment<3>(n + 9)),
-          .chart_jitter = LeftJacobian(x.segment<3>(n + 15))};
-      return internal::Linearise(camera, x.data(), view, x.tail<3>(), observation, rows);
+  Bundle bundle = TrueBundle(problem);
+  constexpr size_t kFrame = 3;
+  // Motion and jitter of the view, a time shift and a shared error.
+  bundle.motion.resize(bundle.T_rig_target.size() * 2);
+  bundle.jitter.delta.assign(bundle.motion.size(), Vector6d::Zero());
+  const size_t view = bundle.View(kFrame, 1);
+  bundle.motion[view].at_zero_shift << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;
+  bundle.motion[view].velocity << 0.3, -0.2, 0.1, 0.5, 0.4, -0.6;
+  bundle.jitter.delta[view] << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
+  AddNuisance(nuisances::kTimeShift, 1, &bundle.cameras[1]);
+  AddNuisance(nuisances::kSharedError, 1, &bundle.cameras[1]);
+  for (BundleObservation& observation : bundle.observations) {
+    if (observation.camera != 1 || observation.frame != kFrame || observation.marker % 10 != 0) {
+      continue;
+    }
+    observation.by_nuisance = {0.3, -0.2};
+    const auto n = static_cast<Eigen::Index>(bundle.cameras[1].params.size());
+    // The bundle after a step of all unknowns: parameters, extrinsics, pose, jitter, marker.
+    const auto linearise = [&](const Eigen::VectorXd& step, internal::LinearisedRows rows) {
+      Bundle moved = bundle;
+      BundleCamera& camera = moved.cameras[1];
+      for (Eigen::Index k = 0; k < n; ++k) camera.params[static_cast<size_t>(k)] += step[k];
+      camera.T_camera_rig = Retract(camera.T_camera_rig, step.segment<6>(n));
+      moved.T_rig_target[kFrame] = Retract(moved.T_rig_target[kFrame], step.segment<6>(n + 6));
+      moved.jitter.delta[view] += step.segment<6>(n + 12);
+      return internal::Linearise(
+          camera,
+          internal::ViewOf(moved, kFrame, 1),
+          moved.markers[static_cast<size_t>(observation.marker)].position + step.tail<3>(),
+          observation,
+          rows);
     };
     Eigen::Vector2d residual;
-    Eigen::Matrix<double, 2, 7, Eigen::RowMajor> J_params;
+    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J_params(2, n);
     Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J_extrinsics, J_pose, J_jitter;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_marker;
-    if (!linearise(unknowns,
+    if (!linearise(Eigen::VectorXd::Zero(n + 21),
                    {residual.data(),
                     J_params.data(),
                     J_extrinsics.data(),
                     J_pose.data(),
-                    J_jitter.data(),
                     J_marker.data()})) {
       continue;
     }
-    Eigen::Matrix<double, 2, 28> J;
+    const internal::ViewCharts charts = internal::ChartsOf(bundle, kFrame, 1);
+    J_jitter = J_pose;
+    J_jitter.rightCols<3>() = J_pose.rightCols<3>() * charts.jitter;
+    J_pose.rightCols<3>() = (J_pose.rightCols<3>() * charts.pose).eval();
+    Eigen::MatrixXd J(2, n + 21);
     J << J_params, J_extrinsics, J_pose, J_jitter, J_marker;
-    for (Eigen::Index k = 0; k < unknowns.size(); ++k) {
-      const double step = kStep * std::max(1.0, std::abs(unknowns[k]));
-      Eigen::VectorXd up = unknowns, down = unknowns;
-      up[k] += step;
-      down[k] -= step;
+    for (Eigen::Index k = 0; k < J.cols(); ++k) {
+      const double size = k < n ? std::abs(bundle.cameras[1].params[static_cast<size_t>(k)]) : 0;
+      const Eigen::VectorXd step =
+          Eigen::VectorXd::Unit(J.cols(), k) * (kStep * std::max(1.0, size));
       Eigen::Vector2d r_up, r_down;
-      ASSERT_TRUE(linearise(up, {.residual = r_up.data()}));
-      ASSERT_TRUE(linearise(down, {.residual = r_down.data()}));
-      const Eigen::Vector2d numeric = (r_up - r_down) / (up[k] - down[k]);
+      ASSERT_TRUE(linearise(step, {.residual = r_up.data()}));
+      ASSERT_TRUE(linearise(-step, {.residual = r_down.data()}));
+      const Eigen::Vector2d numeric = (r_up - r_down) / (2 * step[k]);
       EXPECT_LT((J.col(k) - numeric).norm(), kDerivative * (1 + J.norm())) << "unknown " << k;
     }
   }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "calib/base/statistics.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"

@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
@@ -57,7 +57,7 @@ TEST(TimeShift, MovesThePoseToTheTimeOfTheImage) {
   AddTimeShifts(*times, &moving.bundle);
   BundleCamera& second = moving.bundle.cameras[1];
   ASSERT_EQ(second.params.size(), 1U);
-  EXPECT_FALSE(moving.bundle.cameras[0].time_shift);
+  EXPECT_FALSE(moving.bundle.cameras[0].Find(nuisances::kTimeShift));
   for (const double linearised_at : {0.0, kShift}) {
     second.params[0] = linearised_at;
     UpdateMotion(*times, &moving.bundle);
@@ -99,10 +99,9 @@ TEST(TimeShift, IsFoundByTheAdjustment) {
     for (double& component : motion.velocity) component = random.Uniform(-1, 1);
   }
   BundleCamera& second = bundle.cameras[1];
-  second.time_shift = second.params.size();
-  second.params.push_back(kShift);
-  second.fixed.push_back(false);
-  second.rules.resize(second.params.size());
+  AddNuisance(nuisances::kTimeShift, 1, &second);
+  second.rules.back().prior.reset();
+  second.params.back() = kShift;
   // Exact observations at the shifted poses.
   for (BundleObservation& observation : bundle.observations) {
     double residual[kMaxObservationSize];

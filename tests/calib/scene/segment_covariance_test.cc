@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/solver/adjust.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The bundle adjustment.
+// Options and summary of an adjustment.
 #pragma once
 
 #include <functional>
 #include <string>
 
-#include "calib/adjust/bundle.h"
 #include "calib/base/robust.h"
 
 namespace plenocal {
@@ -33,10 +32,12 @@ struct AdjustSummary {
   std::string message;
 };
 
-/// Minimises over intrinsics (with their rules; the start must be within their bounds),
-/// T_camera_rig, T_rig_target, jitter (where its sigmas are not zero) and markers. Every used
-/// observation must project at the start. Runs Ceres on one thread: its parallel sums depend on the
-/// schedule, and the same input must give the same bytes.
-AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options);
+namespace internal {
 
+/// The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
+/// it is along directions which are hardly determined as well.
+inline double FirstTrustRegion(const AdjustOptions& options) {
+  return options.near_optimum ? 1e8 : 1e6;
+}
+}  // namespace internal
 }  // namespace plenocal

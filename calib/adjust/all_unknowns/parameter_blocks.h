@@ -38,11 +38,9 @@ struct IntrinsicsBlock {
   std::vector<bool> fixed;
   std::vector<double> lower, upper;  ///< from the parameters' rules
   std::vector<SlotPrior> priors;
-  std::vector<bool> at_bound;  ///< fixed at a bound during one solve
-  double* values = nullptr;    ///< among the unknowns
+  double* values = nullptr;  ///< among the unknowns
 
   [[nodiscard]] size_t Size() const { return initial.size(); }
-  [[nodiscard]] bool IsFixed(size_t slot) const { return fixed[slot] || at_bound[slot]; }
 };
 
 /// Slot of a parameter that is fixed and not in the block.
@@ -57,9 +55,6 @@ struct Intrinsics {
   [[nodiscard]] size_t Slot(size_t param) const { return slots.empty() ? param : slots[param]; }
 };
 
-/// Gives a target another pose; its markers and their nominal places move with it.
-void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle);
-
 /// All unknowns in one array: Ceres orders the blocks of a group by their addresses, and the same
 /// input must give the same order.
 class Unknowns {
@@ -68,7 +63,7 @@ class Unknowns {
   Unknowns(const Unknowns&) = delete;
   Unknowns& operator=(const Unknowns&) = delete;
 
-  /// Copies the values and the bounds that they lie on into the bundle.
+  /// Sets the bundle to these values.
   void WriteTo(Bundle* bundle) const;
 
   [[nodiscard]] size_t MarkerBlocks() const { return nominal_markers.size() / marker_block_size; }

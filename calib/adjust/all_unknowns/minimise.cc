@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/solver/problem.h"
+#include "calib/adjust/all_unknowns/minimise.h"
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,26 +10,19 @@
 #include <optional>
 #include <vector>
 
-#include "calib/adjust/solver/bounds.h"
-#include "calib/adjust/solver/parameter_blocks.h"
-#include "calib/adjust/solver/prior_costs.h"
-#include "calib/adjust/solver/reduced_cost.h"
-#include "calib/adjust/solver/view_cost.h"
+#include "calib/adjust/all_unknowns/costs.h"
+#include "calib/adjust/all_unknowns/parameter_blocks.h"
+#include "calib/adjust/layout.h"
 
-namespace plenocal {
+namespace plenocal::internal {
 namespace {
-
-using internal::IntrinsicsBlock;
-using internal::Unknowns;
 
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
 constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
-// The first trust region is so large that the first step is Gauss-Newton's; near the optimum, that
-// it is along directions which are hardly determined as well.
-constexpr double kFirstTrustRegion = 1e6, kTrustRegionNearOptimum = 1e8;
+
 // Below rounding: `AdjustOptions::cost_tolerance` decides.
-constexpr double kGradientTolerance = 1e-14, kParameterTolerance = 1e-13;
+constexpr double kGradientTolerance = 1e-14, kStepTolerance = 1e-13;
 
 class IterationReport : public ceres::IterationCallback {
  public:
@@ -47,6 +41,8 @@ size_t CountTrue(const std::vector<bool>& flags) {
   return static_cast<size_t>(std::count(flags.begin(), flags.end(), true));
 }
 
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
 // The solver's problem for one bundle.
 class AdjustProblem {
  public:
@@ -54,20 +50,18 @@ class AdjustProblem {
       : bundle_(*bundle),
         options_(options),
         unknowns_(*bundle),
+        write_(unknowns_, bundle),
         problem_(ProblemOptions()),
         marker_block_used_(unknowns_.MarkerBlocks(), false),
-        camera_used_(bundle->cameras.size(), false),
+        camera_used_(CamerasWithData(*bundle)),
         view_used_(bundle->jitter.delta.size(), false),
         frame_used_(bundle->T_rig_target.size(), false),
         target_used_(bundle->targets.size(), false),
         has_distance_(unknowns_.MarkerBlocks(), false) {
+    for (const BundleCamera& camera : bundle->cameras) rows_.emplace_back(camera);
     FindUsed();
     AddParamPriors();
     AddCalibrationPrior();
-    if (IsReduced()) {
-      AddReducedCost();
-      return;
-    }
     AddObservations();
     AddJitterPriors();
     AddMarkerPriors();
@@ -79,51 +73,50 @@ class AdjustProblem {
   AdjustSummary Solve();
 
  private:
-  static ceres::Problem::Options ProblemOptions() {
+  ceres::Problem::Options ProblemOptions() {
     ceres::Problem::Options options;
     options.enable_fast_removal = false;
     options.disable_all_safety_checks = true;
+    options.evaluation_callback = &write_;
     return options;
   }
 
   void FindUsed();
-  [[nodiscard]] bool IsReduced() const;
-  void AddReducedCost();
   void AddObservations();
   // Observations of one view and one block of markers.
-  void AddGroup(const std::vector<const BundleObservation*>& group);
+  void AddGroup(std::span<const BundleObservation> group);
   void AddJitterPriors();
   void AddParamPriors();
   void AddMarkerPriors();
   void AddDistances();
   void AddCalibrationPrior();
   void HoldFrame();
+  // Lets the solver estimate the parameters of a block that are not fixed, within their bounds.
+  void EstimateFree(const IntrinsicsBlock& block);
   [[nodiscard]] bool EliminatesMarkersFirst() const;
   [[nodiscard]] bool EstimatesLocalModel() const;
   [[nodiscard]] size_t DenseUnknowns() const;
   [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
   [[nodiscard]] ceres::Solver::Options SolverOptions() const;
 
-  AdjustSummary SolveWithinBounds();
-
   Bundle& bundle_;
   const AdjustOptions& options_;
   Unknowns unknowns_;
+  WriteUnknowns write_;
+  std::vector<RowMemory> rows_;  // per camera
   ceres::Problem problem_;
-  internal::ReducedCost* reduced_ = nullptr;  // of the problem, in place of the observations' costs
   std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_, target_used_;
   std::vector<bool> has_distance_;  // per marker block: shares a residual with another
   std::vector<IntrinsicsBlock*> blocks_used_;
 };
 
 void AdjustProblem::FindUsed() {
-  const auto per_block = static_cast<size_t>(internal::MarkersPerBlock(bundle_));
+  const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle_));
   for (const BundleObservation& observation : bundle_.observations) {
     if (!observation.used) continue;
     const auto frame = static_cast<size_t>(observation.frame);
     const auto camera = static_cast<size_t>(observation.camera);
     frame_used_[frame] = true;
-    camera_used_[camera] = true;
     if (bundle_.EstimatesJitter()) view_used_[bundle_.View(frame, camera)] = true;
     if (bundle_.EstimatesMarkers()) {
       marker_block_used_[static_cast<size_t>(observation.marker) / per_block] = true;
@@ -133,36 +126,12 @@ void AdjustProblem::FindUsed() {
   }
 }
 
-// True where poses are eliminated before Ceres (`ReducedCost`).
-bool AdjustProblem::IsReduced() const {
-  if (bundle_.HasLandmarks() || EstimatesLocalModel()) return false;
-  bool any = false;
-  for (const IntrinsicsBlock* block : blocks_used_) {
-    for (size_t slot = 0; slot < block->Size(); ++slot) {
-      // Bounds move all unknowns back to where the first of them was met.
-      if (std::isfinite(block->lower[slot]) || std::isfinite(block->upper[slot])) return false;
-      any = any || !block->fixed[slot];
-    }
-  }
-  for (size_t c = 0; c < camera_used_.size(); ++c) {
-    any = any || (camera_used_[c] && !bundle_.cameras[c].is_master);
-  }
-  return any || CountTrue(target_used_) > 0;
-}
-
-void AdjustProblem::AddReducedCost() {
-  reduced_ = new internal::ReducedCost(
-      camera_used_, {options_.loss, options_.loss_width}, unknowns_, &bundle_);
-  problem_.AddResidualBlock(reduced_, nullptr, reduced_->Blocks());
-}
-
 void AdjustProblem::AddObservations() {
-  const std::vector<BundleObservation>& observations = bundle_.observations;
-  const int per_block = internal::MarkersPerBlock(bundle_);
-  std::vector<const BundleObservation*> group;
+  const std::span<const BundleObservation> observations = bundle_.observations;
+  const int per_block = MarkersPerBlock(bundle_);
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     const BundleObservation& first = observations[begin];
-    group.clear();
+    bool any = false;
     for (; end < observations.size(); ++end) {
       const BundleObservation& next = observations[end];
       if (next.frame != first.frame || next.camera != first.camera ||
@@ -170,33 +139,32 @@ void AdjustProblem::AddObservations() {
           bundle_.FreeTarget(next.marker) != bundle_.FreeTarget(first.marker)) {
         break;
       }
-      if (next.used) group.push_back(&next);
+      any |= next.used;
     }
-    if (!group.empty()) AddGroup(group);
+    if (any) AddGroup(observations.subspan(begin, end - begin));
   }
 }
 
-void AdjustProblem::AddGroup(const std::vector<const BundleObservation*>& group) {
-  const auto frame = static_cast<size_t>(group[0]->frame);
-  const auto camera = static_cast<size_t>(group[0]->camera);
-  const auto marker_block =
-      static_cast<size_t>(group[0]->marker / internal::MarkersPerBlock(bundle_));
-  const std::optional<size_t> target = bundle_.FreeTarget(group[0]->marker);
-  const internal::ViewUnknowns view{
+void AdjustProblem::AddGroup(std::span<const BundleObservation> group) {
+  const auto frame = static_cast<size_t>(group[0].frame);
+  const auto camera = static_cast<size_t>(group[0].camera);
+  const auto marker_block = static_cast<size_t>(group[0].marker / MarkersPerBlock(bundle_));
+  const ViewUnknowns view{
       .intrinsics = &unknowns_.intrinsics[camera],
       .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
       .pose = &unknowns_.poses[frame],
-      .target = target ? &unknowns_.targets[*target] : nullptr};
+      .target = bundle_.FreeTarget(group[0].marker)};
   std::vector<double*> blocks{view.intrinsics->block->values};
   if (view.extrinsics != nullptr) blocks.push_back(view.extrinsics->delta);
   blocks.push_back(view.pose->delta);
   if (bundle_.EstimatesJitter()) {
     blocks.push_back(unknowns_.Jitter(bundle_.View(frame, camera)));
   }
-  if (target) blocks.push_back(view.target->delta);
+  if (view.target) blocks.push_back(unknowns_.targets[*view.target].delta);
   if (bundle_.EstimatesMarkers()) blocks.push_back(unknowns_.MarkerBlock(marker_block));
   problem_.AddResidualBlock(
-      new internal::ViewCost(bundle_, view, group, {options_.loss, options_.loss_width}),
+      new ViewCost(
+          bundle_, unknowns_, view, group, {options_.loss, options_.loss_width}, &rows_[camera]),
       nullptr,
       blocks);
 }
@@ -207,9 +175,10 @@ void AdjustProblem::AddJitterPriors() {
     for (size_t c = 0; frame_used_[frame] && c < bundle_.cameras.size(); ++c) {
       const size_t view = bundle_.View(frame, c);
       if (!view_used_[view]) continue;
-      problem_.AddResidualBlock(new internal::JitterPrior(JitterWeight(bundle_, frame, c)),
-                                nullptr,
-                                unknowns_.Jitter(view));
+      problem_.AddResidualBlock(
+          new ceres::NormalPrior(JitterWeight(bundle_, frame, c), Vector6d::Zero()),
+          nullptr,
+          unknowns_.Jitter(view));
     }
   }
 }
@@ -220,9 +189,13 @@ void AdjustProblem::AddParamPriors() {
     IntrinsicsBlock& block = *unknowns_.intrinsics[c].block;
     if (std::find(blocks_used_.begin(), blocks_used_.end(), &block) != blocks_used_.end()) continue;
     blocks_used_.push_back(&block);
-    for (const internal::SlotPrior& prior : block.priors) {
-      problem_.AddResidualBlock(
-          new internal::ParamPriorCost(block.Size(), prior), nullptr, block.values);
+    for (const SlotPrior& prior : block.priors) {
+      Matrix A = Matrix::Zero(1, static_cast<Eigen::Index>(block.Size()));
+      for (const auto& [slot, weight] : prior.terms) {
+        A(0, static_cast<Eigen::Index>(slot)) += weight / prior.sigma;
+      }
+      const Eigen::VectorXd b = prior.value / (prior.sigma * A.squaredNorm()) * A.transpose();
+      problem_.AddResidualBlock(new ceres::NormalPrior(A, b), nullptr, block.values);
     }
   }
 }
@@ -232,13 +205,15 @@ void AdjustProblem::AddMarkerPriors() {
   const size_t block_size = unknowns_.marker_block_size, per_block = block_size / 3;
   for (size_t block = 0; block < marker_block_used_.size(); ++block) {
     if (!marker_block_used_[block]) continue;
-    const size_t first = block * per_block;
-    const size_t in_block = std::min(per_block, bundle_.markers.size() - first);
+    const size_t in_block = std::min(per_block, bundle_.markers.size() - block * per_block);
+    const Eigen::Map<const Eigen::VectorXd> nominal(
+        unknowns_.nominal_markers.data() + block * block_size,
+        static_cast<Eigen::Index>(block_size));
     problem_.AddResidualBlock(
-        new internal::MarkerPrior(
-            std::span(unknowns_.nominal_markers).subspan(block * block_size, 3 * in_block),
-            block_size,
-            bundle_.marker_freedom.Sigma()),
+        new ceres::NormalPrior(
+            Matrix(Matrix::Identity(static_cast<Eigen::Index>(3 * in_block), nominal.size()) /
+                   bundle_.marker_freedom.Sigma()),
+            nominal),
         nullptr,
         unknowns_.MarkerBlock(block));
     if (in_block == per_block) continue;
@@ -251,20 +226,20 @@ void AdjustProblem::AddMarkerPriors() {
 
 void AdjustProblem::AddDistances() {
   const auto used = [&](int marker) { return marker_block_used_[static_cast<size_t>(marker)]; };
-  for (const internal::DistanceRows& rows : internal::RowsOfDistances(bundle_, used)) {
+  for (const DistanceRows& rows : RowsOfDistances(bundle_, used)) {
     std::vector<double*> blocks;
     for (const int marker : rows.Markers()) {
       has_distance_[static_cast<size_t>(marker)] = true;
       blocks.push_back(unknowns_.MarkerBlock(static_cast<size_t>(marker)));
     }
-    problem_.AddResidualBlock(new internal::DistanceCost(rows), nullptr, blocks);
+    problem_.AddResidualBlock(new DistanceCost(rows), nullptr, blocks);
   }
 }
 
 // Cameras without used observations keep the prior's values, since nothing moves them.
 void AdjustProblem::AddCalibrationPrior() {
   if (!bundle_.prior) return;
-  auto* const cost = new internal::CalibrationPriorCost(bundle_, &unknowns_);
+  auto* const cost = new CalibrationPriorCost(bundle_, unknowns_);
   problem_.AddResidualBlock(cost, nullptr, cost->Blocks());
   for (const CalibrationPrior::Unknown& unknown : bundle_.prior->unknowns) {
     camera_used_[unknown.camera] = true;
@@ -277,6 +252,29 @@ void AdjustProblem::AddCalibrationPrior() {
 void AdjustProblem::HoldFrame() {
   if (!bundle_.fixed_frame || !frame_used_[*bundle_.fixed_frame]) return;
   problem_.SetParameterBlockConstant(unknowns_.poses[*bundle_.fixed_frame].delta);
+}
+
+void AdjustProblem::EstimateFree(const IntrinsicsBlock& block) {
+  std::vector<int> fixed;
+  for (size_t slot = 0; slot < block.Size(); ++slot) {
+    const int i = static_cast<int>(slot);
+    if (block.fixed[slot]) {
+      fixed.push_back(i);
+      continue;
+    }
+    if (std::isfinite(block.lower[slot])) {
+      problem_.SetParameterLowerBound(block.values, i, block.lower[slot]);
+    }
+    if (std::isfinite(block.upper[slot])) {
+      problem_.SetParameterUpperBound(block.values, i, block.upper[slot]);
+    }
+  }
+  if (fixed.size() == block.Size()) {
+    problem_.SetParameterBlockConstant(block.values);
+  } else if (!fixed.empty()) {
+    problem_.SetManifold(block.values,
+                         new ceres::SubsetManifold(static_cast<int>(block.Size()), fixed));
+  }
 }
 
 // The blocks that are eliminated first must not share residuals: the jitter of the views when there
@@ -349,67 +347,39 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
   solver.max_num_iterations = options_.max_iterations;
   solver.function_tolerance = options_.cost_tolerance;
   solver.gradient_tolerance = kGradientTolerance;
-  solver.parameter_tolerance = kParameterTolerance;
-  solver.initial_trust_region_radius =
-      options_.near_optimum ? kTrustRegionNearOptimum : kFirstTrustRegion;
-  if (reduced_ != nullptr) {
-    solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    internal::ReducedCost::DampByUnits(&solver);
-  }
+  solver.parameter_tolerance = kStepTolerance;
+  solver.initial_trust_region_radius = FirstTrustRegion(options_);
   return solver;
 }
 
 AdjustSummary AdjustProblem::Solve() {
-  if (reduced_ == nullptr) {
-    const AdjustSummary summary = SolveWithinBounds();
-    if (summary.usable) unknowns_.WriteTo(&bundle_);
-    return summary;
-  }
-  const internal::ReducedCost::State before = reduced_->Save();
-  const AdjustSummary summary = SolveWithinBounds();
+  const BundleState before = bundle_;
+  ceres::Solver::Options solver = SolverOptions();
+  IterationReport report(options_);
+  solver.callbacks.push_back(&report);
+  for (const IntrinsicsBlock* block : blocks_used_) EstimateFree(*block);
+  solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(Ordering());
+  ceres::Solver::Summary solved;
+  ceres::Solve(solver, &problem_, &solved);
+  const AdjustSummary summary{.usable = solved.IsSolutionUsable(),
+                              .converged = solved.termination_type == ceres::CONVERGENCE,
+                              .stopped = solved.termination_type == ceres::USER_FAILURE,
+                              .iterations = static_cast<int>(solved.iterations.size()),
+                              .cost_before = solved.initial_cost,
+                              .cost = solved.final_cost,
+                              .message = solved.message};
+  static_cast<BundleState&>(bundle_) = before;
   if (summary.usable) {
-    reduced_->Restore();
-    for (BundleCamera& camera : bundle_.cameras) {
-      camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
-    }
-  } else {
-    reduced_->Load(before);
+    unknowns_.WriteTo(&bundle_);
+    SetAtBounds(&bundle_);
   }
   return summary;
 }
 
-AdjustSummary AdjustProblem::SolveWithinBounds() {
-  ceres::Solver::Options solver = SolverOptions();
-  IterationReport report(options_);
-  solver.callbacks.push_back(&report);
-  const ceres::ParameterBlockOrdering ordering = Ordering();
-  internal::ActiveSet bounds(blocks_used_, &unknowns_, &problem_);
-  AdjustSummary summary;
-  for (bool first = true;; first = false) {
-    if (reduced_ != nullptr) {
-      reduced_->SetManifolds(&problem_);
-    } else {
-      for (const IntrinsicsBlock* block : blocks_used_) internal::EstimateFree(*block, &problem_);
-      // The solver removes constant blocks from the ordering that it is given.
-      solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(ordering);
-    }
-    ceres::Solver::Summary solved;
-    ceres::Solve(solver, &problem_, &solved);
-    summary.usable = solved.IsSolutionUsable();
-    summary.converged = solved.termination_type == ceres::CONVERGENCE;
-    summary.stopped = solved.termination_type == ceres::USER_FAILURE;
-    summary.iterations += static_cast<int>(solved.iterations.size());
-    if (first) summary.cost_before = solved.initial_cost;
-    summary.cost = solved.final_cost;
-    summary.message = solved.message;
-    if (!summary.usable || !bounds.Update()) return summary;
-  }
-}
-
 }  // namespace
 
-AdjustSummary Adjust(Bundle* bundle, const AdjustOptions& options) {
+AdjustSummary MinimiseAllUnknowns(const AdjustOptions& options, Bundle* bundle) {
   return AdjustProblem(options, bundle).Solve();
 }
 
-}  // namespace plenocal
+}  // namespace plenocal::internal

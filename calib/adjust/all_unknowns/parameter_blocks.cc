@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/solver/parameter_blocks.h"
+#include "calib/adjust/all_unknowns/parameter_blocks.h"
 
 #include <algorithm>
 #include <utility>
@@ -71,7 +71,6 @@ class BlockMaker {
       block->fixed.push_back(camera.fixed[k]);
       block->lower.push_back(-std::numeric_limits<double>::infinity());
       block->upper.push_back(std::numeric_limits<double>::infinity());
-      block->at_bound.push_back(false);
       AddRule(c, k, block);
     }
   }
@@ -118,16 +117,6 @@ class BlockMaker {
 
 }  // namespace
 
-void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle) {
-  const RigidTransform moved = T_target_own * bundle->targets[target].T_target_own.Inverse();
-  bundle->targets[target].T_target_own = T_target_own;
-  for (BundleMarker& marker : bundle->markers) {
-    if (marker.target != static_cast<int>(target)) continue;
-    marker.position = moved * marker.position;
-    marker.nominal = moved * marker.nominal;
-  }
-}
-
 Unknowns::Unknowns(const Bundle& bundle) {
   const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle));
   marker_block_size = 3 * per_block;
@@ -167,13 +156,9 @@ Unknowns::Unknowns(const Bundle& bundle) {
 void Unknowns::WriteTo(Bundle* bundle) const {
   for (size_t c = 0; c < bundle->cameras.size(); ++c) {
     BundleCamera& camera = bundle->cameras[c];
-    const IntrinsicsBlock& block = *intrinsics[c].block;
-    camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const size_t slot = intrinsics[c].Slot(k);
-      if (slot == kNoSlot) continue;
-      camera.params[k] = block.values[slot];
-      if (!camera.rules.empty()) camera.at_bound[k] = block.at_bound[slot];
+      if (slot != kNoSlot) camera.params[k] = intrinsics[c].block->values[slot];
     }
     camera.T_camera_rig = extrinsics[c].Value();
   }
@@ -181,11 +166,15 @@ void Unknowns::WriteTo(Bundle* bundle) const {
   for (size_t i = 0; i < bundle->jitter.delta.size(); ++i) {
     bundle->jitter.delta[i] = Eigen::Map<const Vector6d>(jitter + 6 * i);
   }
-  for (size_t i = 0; bundle->EstimatesMarkers() && i < bundle->markers.size(); ++i) {
-    bundle->markers[i].position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);
+  for (size_t i = 0; i < bundle->markers.size(); ++i) {
+    BundleMarker& marker = bundle->markers[i];
+    marker.position = Eigen::Map<const Eigen::Vector3d>(markers + 3 * i);
+    marker.nominal = Eigen::Map<const Eigen::Vector3d>(nominal_markers.data() + 3 * i);
   }
   for (size_t k = 0; k < targets.size(); ++k) {
-    if (!bundle->targets[k].is_fixed) MoveTarget(k, targets[k].Value(), bundle);
+    if (bundle->targets[k].is_fixed) continue;
+    bundle->targets[k].T_target_own = targets[k].origin;
+    MoveTarget(k, targets[k].Value(), bundle);
   }
 }
 

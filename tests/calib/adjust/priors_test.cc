@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/adjust/solver/prior_costs.h"
+#include "calib/adjust/priors.h"
 
 #include <gtest/gtest.h>
 

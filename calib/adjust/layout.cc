@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/layout.h"
+
+#include <cmath>
+#include <limits>
+
+namespace plenocal::internal {
+
+std::vector<bool> CamerasWithData(const Bundle& bundle) {
+  std::vector<bool> has_data(bundle.cameras.size(), false);
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.used) has_data[static_cast<size_t>(observation.camera)] = true;
+  }
+  return has_data;
+}
+
+UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& estimated) {
+  UnknownLayout layout;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    std::vector<int> indices;
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const bool own = bundle.Root(c, k) == ParamIndex{c, k};
+      const bool fixed = camera.fixed[k] || (!camera.at_bound.empty() && camera.at_bound[k]);
+      indices.push_back(!own || fixed || !estimated[c] ? -1 : layout.head++);
+    }
+    layout.params.push_back(indices);
+    const bool free = !camera.is_master && estimated[c];
+    layout.extrinsics.push_back(free ? layout.head : -1);
+    if (free) layout.head += 6;
+  }
+  for (const BundleTarget& target : bundle.targets) {
+    layout.targets.push_back(target.is_fixed ? -1 : layout.head);
+    if (!target.is_fixed) layout.head += 6;
+  }
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      const ParamIndex root = bundle.Root(c, k);
+      layout.params[c][k] = layout.params[root.camera][root.param];
+    }
+  }
+  layout.markers = bundle.EstimatesMarkers() && !bundle.HasLandmarks();
+  layout.total = layout.head;
+  if (layout.markers) layout.total = layout.Marker(static_cast<int>(bundle.markers.size()));
+  return layout;
+}
+
+void SetAtBounds(Bundle* bundle) {
+  constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+  for (BundleCamera& camera : bundle->cameras) {
+    camera.at_bound.assign(camera.rules.empty() ? 0 : camera.params.size(), false);
+  }
+  const auto for_each_rule = [&](const auto& visit) {
+    for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+      for (size_t k = 0; k < bundle->cameras[c].at_bound.size(); ++k) {
+        const ParamIndex root = bundle->Root(c, k);
+        visit(bundle->cameras[c], k, bundle->cameras[root.camera], root.param);
+      }
+    }
+  };
+  for_each_rule([&](const BundleCamera& camera, size_t k, BundleCamera& root, size_t param) {
+    double& value = root.params[param];
+    for (const double bound : {camera.rules[k].lower, camera.rules[k].upper}) {
+      if (root.fixed[param] || !std::isfinite(bound)) continue;
+      if (std::abs(value - bound) > kRounding * std::abs(bound)) continue;
+      value = bound;
+      root.at_bound.resize(root.params.size());
+      root.at_bound[param] = true;
+    }
+  });
+  for_each_rule([&](BundleCamera& camera, size_t k, const BundleCamera& root, size_t param) {
+    camera.params[k] = root.params[param];
+    camera.at_bound[k] = param < root.at_bound.size() && root.at_bound[param];
+  });
+}
+
+}  // namespace plenocal::internal

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Indices of the unknowns in the normal equations that are left when poses are eliminated.
+#pragma once
+
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+
+namespace plenocal::internal {
+
+/// Index of each unknown in the reduced system: parameters and extrinsics of the cameras and poses
+/// of targets first, then three coordinates a marker.
+struct UnknownLayout {
+  std::vector<std::vector<int>> params;  ///< per camera and parameter; -1 when not estimated
+  std::vector<int> extrinsics;           ///< per camera; -1 where not estimated
+  std::vector<int> targets;              ///< per target; -1 where its pose is not estimated
+  int head = 0;                          ///< number of unknowns before the markers
+  int total = 0;
+  bool markers = false;
+
+  /// Unknowns of one marker: its position.
+  static constexpr int kOfMarker = 3;
+  [[nodiscard]] int Marker(int index) const { return head + kOfMarker * index; }
+  [[nodiscard]] int Markers() const { return total - head; }
+};
+
+/// Per camera: whether it has used observations.
+std::vector<bool> CamerasWithData(const Bundle& bundle);
+
+/// `estimated` per camera: whether its unknowns are.
+UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& estimated);
+/// Those of cameras with data are.
+inline UnknownLayout MakeLayout(const Bundle& bundle) {
+  return MakeLayout(bundle, CamerasWithData(bundle));
+}
+
+/// Sets `BundleCamera::at_bound`, and parameters that lie on a bound but for rounding to it.
+void SetAtBounds(Bundle* bundle);
+
+}  // namespace plenocal::internal

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/reduced/minimise.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "calib/adjust/poses.h"
+
+namespace plenocal::internal {
+namespace {
+
+// Part of the diagonal of the normal matrix that is added to it, so that rounding of the sums
+// leaves it positive definite.
+constexpr double kRounding = 1e-13;
+// Part of an unknown that is rounding: a step is smaller only of exact observations.
+constexpr double kRoundingOfStep = 1e-13;
+
+// Step of the head, damped by 1 / radius in `unit`s. Unknowns that would leave their bounds stop
+// there, and the step of the others is the best one then (active set).
+Eigen::VectorXd DampedStep(const ReducedProblem::Linearisation& at,
+                           const ReducedProblem::StepBounds& bounds,
+                           const Eigen::VectorXd& unit,
+                           double radius) {
+  const Eigen::Index size = unit.size();
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(size);
+  std::vector<bool> stopped(static_cast<size_t>(size));
+  for (Eigen::Index i = 0; i < size; ++i) {
+    stopped[static_cast<size_t>(i)] =
+        at.gradient[i] > 0 ? bounds.lower[i] == 0 : bounds.upper[i] == 0;
+  }
+  for (bool again = true; again;) {
+    Eigen::MatrixXd scaled = unit.asDiagonal() * at.matrix * unit.asDiagonal();
+    Eigen::VectorXd gradient = unit.cwiseProduct(at.gradient);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (stopped[static_cast<size_t>(i)]) gradient += scaled.col(i) * (step[i] / unit[i]);
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!stopped[static_cast<size_t>(i)]) continue;
+      scaled.row(i).setZero();
+      scaled.col(i).setZero();
+      scaled(i, i) = 1;
+    }
+    Eigen::LLT<Eigen::MatrixXd> factor;
+    double damping = 1 / radius + kRounding;
+    do {
+      Eigen::MatrixXd damped = scaled;
+      damped.diagonal().array() += damping;
+      factor.compute(damped);
+      damping *= 10;
+    } while (factor.info() != Eigen::Success && damping < 1);
+    const Eigen::VectorXd free = -unit.cwiseProduct(factor.solve(gradient));
+    again = false;
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (stopped[static_cast<size_t>(i)]) continue;
+      step[i] = std::clamp(free[i], bounds.lower[i], bounds.upper[i]);
+      if (step[i] != free[i]) stopped[static_cast<size_t>(i)] = again = true;
+    }
+  }
+  return step;
+}
+
+// By how much the step lowers half the sum of squares of the linearised residuals.
+double PredictedGain(const ReducedProblem::Linearisation& at, const Eigen::VectorXd& step) {
+  const Eigen::VectorXd half = at.matrix.selfadjointView<Eigen::Lower>() * step / 2;
+  return -step.dot(at.gradient + half);
+}
+
+// The trust region of Levenberg and Marquardt as Nielsen (1999) changes it.
+class TrustRegion {
+ public:
+  explicit TrustRegion(double radius) : radius_(radius) {}
+  [[nodiscard]] double Radius() const { return radius_; }
+  [[nodiscard]] bool IsEmpty() const { return radius_ < 1e-32; }
+  // `quality`: gain of the step over the predicted one.
+  void Accept(double quality) {
+    radius_ = std::min(1e16, radius_ / std::max(1.0 / 3, 1 - std::pow(2 * quality - 1, 3)));
+    decrease_ = 2;
+  }
+  void Reject() {
+    radius_ /= decrease_;
+    decrease_ *= 2;
+  }
+
+ private:
+  double radius_, decrease_ = 2;
+};
+
+}  // namespace
+
+ReducedProblem::ReducedProblem(const RobustLoss& loss, Bundle* bundle)
+    : bundle_(*bundle), used_(CamerasWithData(*bundle)), objective_(ObjectiveOf(*bundle, loss)) {
+  std::vector<bool> estimated = used_;
+  if (bundle->prior) {
+    for (const CalibrationPrior::Unknown& unknown : bundle->prior->unknowns) {
+      estimated[unknown.camera] = true;
+    }
+  }
+  layout_ = MakeLayout(*bundle, estimated);
+}
+
+bool ReducedProblem::WithinDomain() const {
+  for (size_t c = 0; c < used_.size(); ++c) {
+    const BundleCamera& camera = bundle_.cameras[c];
+    if (used_[c] && !WithinBounds(*camera.model, camera.params.data())) return false;
+  }
+  return true;
+}
+
+std::vector<SparseRow> ReducedProblem::Priors() const {
+  std::vector<SparseRow> rows = RowsOfParamPriors(bundle_, layout_);
+  std::ranges::move(RowsOfCalibrationPrior(bundle_, layout_), std::back_inserter(rows));
+  return rows;
+}
+
+double ReducedProblem::Squares() const {
+  if (!WithinDomain()) return std::numeric_limits<double>::infinity();
+  double squares = SumOfSquares(bundle_, objective_);
+  for (const SparseRow& row : Priors()) squares += row.residual * row.residual;
+  return squares;
+}
+
+std::optional<ReducedProblem::Linearisation> ReducedProblem::Linearise() const {
+  if (!WithinDomain()) return std::nullopt;
+  // Fewer eliminated states than unknowns of markers.
+  const bool separate =
+      6 * (std::ssize(bundle_.T_rig_target) + std::ssize(bundle_.jitter.delta)) < layout_.Markers();
+  Linearisation at{
+      .state = bundle_,
+      .equations = EliminateFrames(bundle_,
+                                   layout_,
+                                   objective_,
+                                   kRounding,
+                                   {.keep_steps = true, .separate_markers = separate})};
+  if (!at.equations.complete) return std::nullopt;
+  const Eigen::Index head = layout_.head;
+  at.squares = at.equations.squares;
+  at.matrix = at.equations.S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
+  at.gradient = at.equations.S.row(layout_.total).head(head).transpose();
+  at.diagonal = at.equations.diagonal.head(head);
+  if (layout_.Markers() > 0) EliminateMarkers(separate, &at);
+  const std::vector<SparseRow> priors = Priors();
+  AddInformation(priors, &at.matrix);
+  at.matrix = at.matrix.selfadjointView<Eigen::Lower>();
+  for (const SparseRow& row : priors) {
+    at.squares += row.residual * row.residual;
+    for (const auto& [index, J] : row.J) at.gradient[index] += J * row.residual;
+  }
+  return at;
+}
+
+void ReducedProblem::EliminateMarkers(bool separate, Linearisation* at) const {
+  const Eigen::Index head = layout_.head, markers = layout_.Markers();
+  const Eigen::MatrixXd& S = at->equations.S;
+  const auto of_markers = S.block(head, head, markers, markers);
+  const Eigen::VectorXd damping = kRounding * at->equations.diagonal.segment(head, markers);
+  if (separate) {
+    at->markers.Compute(of_markers,
+                        UnknownLayout::kOfMarker,
+                        damping,
+                        at->equations.states.RowsOfColumns(head, markers),
+                        Eigen::MatrixXd(markers, 0));
+  } else {
+    at->markers.Compute(of_markers, damping);
+  }
+  Eigen::MatrixXd by_head(markers, head + 1);
+  by_head << S.block(head, 0, markers, head),
+      S.row(layout_.total).segment(head, markers).transpose();
+  at->marker_roots = at->markers.Root(by_head);
+  const auto roots = at->marker_roots.leftCols(head);
+  at->matrix.noalias() -= roots.transpose() * roots;
+  at->gradient.noalias() -= roots.transpose() * at->marker_roots.col(head);
+}
+
+void ReducedProblem::MoveFrom(const Linearisation& from,
+                              const Eigen::VectorXd& step,
+                              double own_part) {
+  static_cast<BundleState&>(bundle_) = from.state;
+  const Eigen::Index head = layout_.head, markers = layout_.Markers();
+  Eigen::VectorXd all(layout_.total);
+  all.head(head) = step;
+  if (markers > 0) {
+    Eigen::VectorXd right(head + 1);
+    right << step, own_part;
+    all.tail(markers) = -from.markers.Solve(from.marker_roots * right);
+  }
+  from.equations.MoveStates(all, own_part, &bundle_);
+  for (size_t m = 0; markers > 0 && m < bundle_.markers.size(); ++m) {
+    bundle_.markers[m].position += all.segment<3>(layout_.Marker(static_cast<int>(m)));
+  }
+  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    BundleCamera& camera = bundle_.cameras[c];
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      if (layout_.params[c][k] >= 0) camera.params[k] += step[layout_.params[c][k]];
+    }
+    if (layout_.extrinsics[c] < 0) continue;
+    camera.T_camera_rig = Retract(camera.T_camera_rig, step.segment<6>(layout_.extrinsics[c]));
+  }
+  for (size_t k = 0; k < bundle_.targets.size(); ++k) {
+    if (layout_.targets[k] < 0) continue;
+    MoveTarget(
+        k, Retract(bundle_.targets[k].T_target_own, step.segment<6>(layout_.targets[k])), &bundle_);
+  }
+}
+
+Eigen::VectorXd ReducedProblem::Sizes() const {
+  Eigen::VectorXd sizes = Eigen::VectorXd::Ones(layout_.head);
+  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    for (size_t k = 0; k < layout_.params[c].size(); ++k) {
+      if (layout_.params[c][k] < 0) continue;
+      sizes[layout_.params[c][k]] = std::abs(bundle_.cameras[c].params[k]);
+    }
+  }
+  return sizes;
+}
+
+ReducedProblem::StepBounds ReducedProblem::Bounds() const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  StepBounds bounds{Eigen::VectorXd::Constant(layout_.head, -kInfinity),
+                    Eigen::VectorXd::Constant(layout_.head, kInfinity)};
+  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle_.cameras[c];
+    for (size_t k = 0; k < camera.rules.size(); ++k) {
+      const int i = layout_.params[c][k];
+      if (i < 0) continue;
+      bounds.lower[i] = std::max(bounds.lower[i], camera.rules[k].lower - camera.params[k]);
+      bounds.upper[i] = std::min(bounds.upper[i], camera.rules[k].upper - camera.params[k]);
+    }
+  }
+  return bounds;
+}
+
+namespace {
+
+// Squares at the bundle's values, with the poses optimised while all else stays where a step of the
+// cameras was too long for the linear steps of the poses to be exact enough.
+double SquaresWithPoses(const ReducedProblem& problem, double before, Bundle* bundle) {
+  const double squares = problem.Squares();
+  if (squares < before || std::isinf(squares)) return squares;
+  const std::vector<RigidTransform> linear = bundle->T_rig_target;
+  AdjustPoses(bundle, std::vector<bool>(linear.size(), true));
+  const double refined = problem.Squares();
+  if (refined < squares) return refined;
+  bundle->T_rig_target = linear;
+  return squares;
+}
+
+}  // namespace
+
+AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
+  constexpr double kLeastQuality = 1e-3;  // of a step that is taken
+  const BundleState before = *bundle;
+  for (BundleCamera& camera : bundle->cameras) camera.at_bound.clear();
+  ReducedProblem problem({options.loss, options.loss_width}, bundle);
+  AdjustSummary summary;
+  std::optional<ReducedProblem::Linearisation> at = problem.Linearise();
+  if (!at) {
+    summary.message = "an observation lies outside the domain of its camera's model at the start";
+    return summary;
+  }
+  const Eigen::VectorXd unit = at->diagonal.unaryExpr(
+      [](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
+  TrustRegion region(FirstTrustRegion(options));
+  double own_part = 1;
+  Eigen::VectorXd rounding = kRoundingOfStep * problem.Sizes();
+  ReducedProblem::StepBounds bounds = problem.Bounds();
+  summary.cost_before = summary.cost = at->squares / 2;
+  while (true) {
+    const int iteration = summary.iterations++;
+    if (options.on_iteration && !options.on_iteration(iteration, summary.cost)) {
+      summary.stopped = true;
+      summary.message = "stopped";
+      break;
+    }
+    if (summary.iterations > options.max_iterations) {
+      summary.usable = true;
+      summary.message = "the most iterations are done";
+      break;
+    }
+    const Eigen::VectorXd step = DampedStep(*at, bounds, unit, region.Radius());
+    const double predicted = PredictedGain(*at, step);
+    problem.MoveFrom(*at, step, own_part);
+    const double cost = SquaresWithPoses(problem, at->squares, bundle) / 2;
+    const double gain = summary.cost - cost;
+    summary.converged = (step.array().abs() <= rounding.array()).all() ||
+                        std::abs(gain) <= options.cost_tolerance * summary.cost || region.IsEmpty();
+    if (summary.converged) {
+      summary.usable = true;
+      summary.message = "converged";
+      break;
+    }
+    own_part /= 2;
+    if (!(predicted > 0) || !(gain > kLeastQuality * predicted)) {
+      region.Reject();
+      continue;
+    }
+    SetAtBounds(bundle);
+    at.reset();  // before the next takes as much memory
+    at = problem.Linearise();
+    if (!at) {
+      summary.message = "residuals have no derivatives after a step";
+      break;
+    }
+    region.Accept(gain / predicted);
+    own_part = 1;
+    rounding = kRoundingOfStep * problem.Sizes();
+    bounds = problem.Bounds();
+    summary.cost = at->squares / 2;
+  }
+  static_cast<BundleState&>(*bundle) = summary.usable ? at->state : before;
+  if (summary.usable) SetAtBounds(bundle);
+  return summary;
+}
+
+}  // namespace plenocal::internal

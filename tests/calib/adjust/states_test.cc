@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/reduced/states.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "tests/calib/random.h"
+
+namespace plenocal::internal {
+namespace TEST_FILE {
+
+// A trajectory: rows depend on two successive states and on five unknowns in common, and each state
+// leaves after its last row.
+class Trajectory : public ::testing::Test {
+ protected:
+  static constexpr int kStates = 40, kCommon = 5, kRows = 14;  // rows of a pair of states
+
+  Trajectory() : states_(kCommon + 1, kCommon, {.keep_steps = true}) {
+    testing::Random random(3);
+    const int size = 6 * kStates + kCommon;
+    whole_ = Eigen::MatrixXd::Zero(size, size);
+    gradient_ = Eigen::VectorXd::Zero(size);
+    S_ = Eigen::MatrixXd::Zero(kCommon + 1, kCommon + 1);
+    for (int k = 0; k < kStates; ++k) {
+      ids_.push_back(states_.Enter());
+      if (k == 0) continue;
+      for (int row = 0; row < kRows; ++row) AddRow(k, &random);
+      states_.Leave(ids_[static_cast<size_t>(k) - 1], 0, &S_);
+    }
+    states_.Leave(ids_.back(), 0, &S_);
+    states_.Flush(&S_);
+    S_.topLeftCorner(kCommon, kCommon) += whole_.bottomRightCorner(kCommon, kCommon);
+    S_.row(kCommon).head(kCommon) += gradient_.tail(kCommon).transpose();
+  }
+
+  // Of states k - 1 and k.
+  void AddRow(int k, testing::Random* random) {
+    Eigen::VectorXd J = Eigen::VectorXd::Zero(whole_.rows());
+    J.segment<12>(6 * (k - 1)) =
+        Eigen::VectorXd::NullaryExpr(12, [&] { return random->Gaussian(1); });
+    J.tail<kCommon>() = Eigen::VectorXd::NullaryExpr(kCommon, [&] { return random->Gaussian(1); });
+    const double residual = random->Gaussian(1);
+    whole_ += J * J.transpose();
+    gradient_ += residual * J;
+    const States::Id before = ids_[static_cast<size_t>(k) - 1],
+                     after = ids_[static_cast<size_t>(k)];
+    const Vector6d a = J.segment<6>(6 * (k - 1)), b = J.segment<6>(6 * k);
+    states_.Information(before, before) += a * a.transpose();
+    states_.Information(after, before) += b * a.transpose();
+    states_.Information(after, after) += b * b.transpose();
+    Eigen::VectorXd other(kCommon + 1);
+    other << J.tail<kCommon>(), residual;
+    states_.Cross(before) += other * a.transpose();
+    states_.Cross(after) += other * b.transpose();
+  }
+
+  States states_;
+  std::vector<States::Id> ids_;
+  Eigen::MatrixXd whole_, S_;
+  Eigen::VectorXd gradient_;
+};
+
+TEST_F(Trajectory, LeavesTheEquationsOfTheOtherUnknowns) {
+  const Eigen::Index states = 6 * kStates;
+  const Eigen::MatrixXd solved =
+      whole_.topLeftCorner(states, states).inverse() * whole_.topRightCorner(states, kCommon);
+  const Eigen::MatrixXd expected = whole_.bottomRightCorner(kCommon, kCommon) -
+                                   whole_.bottomLeftCorner(kCommon, states) * solved;
+  const Eigen::MatrixXd found = S_.topLeftCorner(kCommon, kCommon).selfadjointView<Eigen::Lower>();
+  EXPECT_LT((found - expected).norm(), 1e-10 * expected.norm());
+  const Eigen::VectorXd gradient =
+      gradient_.tail(kCommon) - solved.transpose() * gradient_.head(states);
+  EXPECT_LT((S_.row(kCommon).head(kCommon).transpose() - gradient).norm(), 1e-10 * gradient.norm());
+}
+
+TEST_F(Trajectory, StepsToTheOptimum) {
+  const Eigen::VectorXd expected = -whole_.inverse() * gradient_;
+  const std::vector<Vector6d> steps = states_.Steps(expected.tail(kCommon), 1);
+  for (int k = 0; k < kStates; ++k) {
+    EXPECT_LT((steps[static_cast<size_t>(k)] - expected.segment<6>(6 * k)).norm(), 1e-10) << k;
+  }
+}
+
+TEST_F(Trajectory, HasTheCovarianceOfItsStates) {
+  states_.ComputeCovariances();
+  const Eigen::MatrixXd expected = whole_.topLeftCorner(6 * kStates, 6 * kStates).inverse();
+  for (int k = 0; k < kStates; ++k) {
+    const States::Id id = ids_[static_cast<size_t>(k)];
+    EXPECT_LT((states_.Covariance(id, id) - expected.block<6, 6>(6 * k, 6 * k)).norm(), 1e-10) << k;
+    if (k == 0) continue;
+    const States::Id before = ids_[static_cast<size_t>(k) - 1];
+    EXPECT_LT((states_.Covariance(id, before) - expected.block<6, 6>(6 * k, 6 * (k - 1))).norm(),
+              1e-10)
+        << k;
+    EXPECT_EQ(states_.Covariance(id, before), states_.Covariance(before, id).transpose());
+  }
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::internal
