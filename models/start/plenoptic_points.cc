@@ -24,7 +24,7 @@ namespace {
 using Eigen::Vector2d;
 
 Vector2d Point(const Observation& seen) { return {seen.values[0], seen.values[1]}; }
-Vector2d Centre(const Observation& seen) { return {seen.values[2], seen.values[3]}; }
+Vector2d CentreOf(const Observation& seen) { return {seen.values[2], seen.values[3]}; }
 
 /// Point and centre of an observation by a template of the right depth. x + s_t (1 - v_t / v) is
 /// affine in c with 1 - 1 / v, s_t being the change of x with ln v_t; so are x + s_t (1 - v_t) and
@@ -32,7 +32,7 @@ Vector2d Centre(const Observation& seen) { return {seen.values[2], seen.values[3
 struct AtRightDepth {
   Vector2d point, centre;
 
-  explicit AtRightDepth(const Observation& seen) : point(Point(seen)), centre(Centre(seen)) {
+  explicit AtRightDepth(const Observation& seen) : point(Point(seen)), centre(CentreOf(seen)) {
     const double v_t = seen.values[4];
     if (v_t == 0) return;
     const Vector2d by_log_depth(seen.values[5], seen.values[6]);
