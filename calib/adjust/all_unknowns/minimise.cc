@@ -93,6 +93,9 @@ class AdjustProblem {
   void HoldFrame();
   // Lets the solver estimate the parameters of a block that are not fixed, within their bounds.
   void EstimateFree(const IntrinsicsBlock& block);
+  // Fixes parameters that have come to a bound, along which Ceres converges slowly; false where
+  // there is none.
+  bool FixAtBounds();
   [[nodiscard]] bool EliminatesMarkersFirst() const;
   [[nodiscard]] bool EstimatesLocalModel() const;
   [[nodiscard]] size_t DenseUnknowns() const;
@@ -277,6 +280,19 @@ void AdjustProblem::EstimateFree(const IntrinsicsBlock& block) {
   }
 }
 
+bool AdjustProblem::FixAtBounds() {
+  bool any = false;
+  for (IntrinsicsBlock* block : blocks_used_) {
+    for (size_t slot = 0; slot < block->Size(); ++slot) {
+      const double value = block->values[slot];
+      if (block->fixed[slot] || (value > block->lower[slot] && value < block->upper[slot]))
+        continue;
+      block->fixed[slot] = any = true;
+    }
+  }
+  return any;
+}
+
 // The blocks that are eliminated first must not share residuals: the jitter of the views when there
 // is any, else the poses; or the markers, where they are more unknowns. The rest is small and
 // dense.
@@ -357,17 +373,23 @@ AdjustSummary AdjustProblem::Solve() {
   ceres::Solver::Options solver = SolverOptions();
   IterationReport report(options_);
   solver.callbacks.push_back(&report);
-  for (const IntrinsicsBlock* block : blocks_used_) EstimateFree(*block);
-  solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(Ordering());
-  ceres::Solver::Summary solved;
-  ceres::Solve(solver, &problem_, &solved);
-  const AdjustSummary summary{.usable = solved.IsSolutionUsable(),
-                              .converged = solved.termination_type == ceres::CONVERGENCE,
-                              .stopped = solved.termination_type == ceres::USER_FAILURE,
-                              .iterations = static_cast<int>(solved.iterations.size()),
-                              .cost_before = solved.initial_cost,
-                              .cost = solved.final_cost,
-                              .message = solved.message};
+  AdjustSummary summary;
+  bool again = true;
+  for (bool first = true; again; first = false) {
+    for (const IntrinsicsBlock* block : blocks_used_) EstimateFree(*block);
+    // The solver removes constant blocks from the ordering that it is given.
+    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(Ordering());
+    ceres::Solver::Summary solved;
+    ceres::Solve(solver, &problem_, &solved);
+    summary.usable = solved.IsSolutionUsable();
+    summary.converged = solved.termination_type == ceres::CONVERGENCE;
+    summary.stopped = solved.termination_type == ceres::USER_FAILURE;
+    summary.iterations += static_cast<int>(solved.iterations.size());
+    if (first) summary.cost_before = solved.initial_cost;
+    summary.cost = solved.final_cost;
+    summary.message = solved.message;
+    again = summary.usable && FixAtBounds();
+  }
   static_cast<BundleState&>(bundle_) = before;
   if (summary.usable) {
     unknowns_.WriteTo(&bundle_);

@@ -15,7 +15,7 @@ namespace {
 // Part of the diagonal of the normal matrix that is added to it, so that rounding of the sums
 // leaves it positive definite.
 constexpr double kRounding = 1e-13;
-// Part of an unknown that is rounding: a step is smaller only of exact observations.
+// A step of this part of the unknowns ends the solve of exact observations.
 constexpr double kRoundingOfStep = 1e-13;
 
 // Step of the head, damped by 1 / radius in `unit`s. Unknowns that would leave their bounds stop
@@ -206,7 +206,7 @@ void ReducedProblem::MoveFrom(const Linearisation& from,
 }
 
 Eigen::VectorXd ReducedProblem::Sizes() const {
-  Eigen::VectorXd sizes = Eigen::VectorXd::Ones(layout_.head);
+  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(layout_.head);
   for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
     for (size_t k = 0; k < layout_.params[c].size(); ++k) {
       if (layout_.params[c][k] < 0) continue;
@@ -264,7 +264,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
       [](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
   TrustRegion region(FirstTrustRegion(options));
   double own_part = 1;
-  Eigen::VectorXd rounding = kRoundingOfStep * problem.Sizes();
+  double rounding = kRoundingOfStep * problem.Sizes().norm();
   ReducedProblem::StepBounds bounds = problem.Bounds();
   summary.cost_before = summary.cost = at->squares / 2;
   while (true) {
@@ -284,7 +284,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
     problem.MoveFrom(*at, step, own_part);
     const double cost = SquaresWithPoses(problem, at->squares, bundle) / 2;
     const double gain = summary.cost - cost;
-    summary.converged = (step.array().abs() <= rounding.array()).all() ||
+    summary.converged = step.norm() <= rounding ||
                         std::abs(gain) <= options.cost_tolerance * summary.cost || region.IsEmpty();
     if (summary.converged) {
       summary.usable = true;
@@ -305,7 +305,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
     }
     region.Accept(gain / predicted);
     own_part = 1;
-    rounding = kRoundingOfStep * problem.Sizes();
+    rounding = kRoundingOfStep * problem.Sizes().norm();
     bounds = problem.Bounds();
     summary.cost = at->squares / 2;
   }

@@ -45,7 +45,7 @@ class ReducedProblem {
   /// Moves the bundle from the point of a linearisation by `step` of the head. `own_part`: factor
   /// on the part of the step of states and markers that does not depend on `step`.
   void MoveFrom(const Linearisation& from, const Eigen::VectorXd& step, double own_part);
-  /// Sizes of the head's unknowns: parameters, 1 of charts.
+  /// Sizes of the head's unknowns: of parameters, 0 of charts.
   [[nodiscard]] Eigen::VectorXd Sizes() const;
   /// Bounds of a step from the present values, by the parameters' rules.
   struct StepBounds {
