@@ -148,10 +148,10 @@ void ProjectWithDifferences(const PythonModel& model,
     }
   }
   for (Eigen::Index i = 0; i < count && last > n; ++i) {
-    const Eigen::Matrix<double, 2, 3> J = block->J_point.row(i).reshaped<Eigen::RowMajor>(2, 3);
-    block->J_point.row(i) = WithoutRadialRounding(J, block->p.row(i), block->predicted.row(i))
-                                .reshaped<Eigen::RowMajor>()
-                                .transpose();
+    Eigen::Matrix<double, 2, 3> J;
+    J << block->J_point.row(i).head<3>(), block->J_point.row(i).tail<3>();
+    J = WithoutRadialRounding(J, block->p.row(i), block->predicted.row(i));
+    block->J_point.row(i) << J.row(0), J.row(1);
   }
 }
 
