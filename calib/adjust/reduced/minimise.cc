@@ -18,54 +18,63 @@ constexpr double kRounding = 1e-13;
 // A step of this part of the unknowns ends the solve of exact observations.
 constexpr double kRoundingOfStep = 1e-13;
 
-// Step of the head, damped by 1 / radius in `unit`s. Unknowns that would leave their bounds stop
+// A step of the head, and by how much it lowers half the sum of squares of the linearised
+// residuals.
+struct Step {
+  Eigen::VectorXd value;
+  double predicted_gain = 0;
+};
+
+// The best step, damped by 1 / radius in `unit`s. Unknowns that would leave their bounds stop
 // there, and the step of the others is the best one then (active set).
-Eigen::VectorXd DampedStep(const ReducedProblem::Linearisation& at,
-                           const ReducedProblem::StepBounds& bounds,
-                           const Eigen::VectorXd& unit,
-                           double radius) {
+Step DampedStep(const ReducedProblem::Linearisation& at,
+                const ReducedProblem::StepBounds& bounds,
+                const Eigen::VectorXd& unit,
+                double radius) {
   const Eigen::Index size = unit.size();
+  const Eigen::MatrixXd matrix = unit.asDiagonal() * at.matrix * unit.asDiagonal();
+  const Eigen::VectorXd gradient = unit.cwiseProduct(at.gradient);
+  const Eigen::VectorXd lower = bounds.lower.cwiseQuotient(unit),
+                        upper = bounds.upper.cwiseQuotient(unit);
   Eigen::VectorXd step = Eigen::VectorXd::Zero(size);
   std::vector<bool> stopped(static_cast<size_t>(size));
   for (Eigen::Index i = 0; i < size; ++i) {
-    stopped[static_cast<size_t>(i)] =
-        at.gradient[i] > 0 ? bounds.lower[i] == 0 : bounds.upper[i] == 0;
+    stopped[static_cast<size_t>(i)] = gradient[i] > 0 ? lower[i] == 0 : upper[i] == 0;
   }
+  double damping = 0;
   for (bool again = true; again;) {
-    Eigen::MatrixXd scaled = unit.asDiagonal() * at.matrix * unit.asDiagonal();
-    Eigen::VectorXd gradient = unit.cwiseProduct(at.gradient);
-    for (Eigen::Index i = 0; i < size; ++i) {
-      if (stopped[static_cast<size_t>(i)]) gradient += scaled.col(i) * (step[i] / unit[i]);
-    }
+    Eigen::MatrixXd free = matrix;
+    Eigen::VectorXd right = gradient;
     for (Eigen::Index i = 0; i < size; ++i) {
       if (!stopped[static_cast<size_t>(i)]) continue;
-      scaled.row(i).setZero();
-      scaled.col(i).setZero();
-      scaled(i, i) = 1;
+      right += matrix.col(i) * step[i];
+      free.row(i).setZero();
+      free.col(i).setZero();
+      free(i, i) = 1;
     }
     Eigen::LLT<Eigen::MatrixXd> factor;
-    double damping = 1 / radius + kRounding;
+    damping = 0.1 / radius;
     do {
-      Eigen::MatrixXd damped = scaled;
+      damping *= 10;
+      Eigen::MatrixXd damped = free;
       damped.diagonal().array() += damping;
       factor.compute(damped);
-      damping *= 10;
     } while (factor.info() != Eigen::Success && damping < 1);
-    const Eigen::VectorXd free = -unit.cwiseProduct(factor.solve(gradient));
+    const Eigen::VectorXd solved = -factor.solve(right);
     again = false;
     for (Eigen::Index i = 0; i < size; ++i) {
       if (stopped[static_cast<size_t>(i)]) continue;
-      step[i] = std::clamp(free[i], bounds.lower[i], bounds.upper[i]);
-      if (step[i] != free[i]) stopped[static_cast<size_t>(i)] = again = true;
+      step[i] = std::clamp(solved[i], lower[i], upper[i]);
+      if (step[i] != solved[i]) stopped[static_cast<size_t>(i)] = again = true;
     }
   }
-  return step;
-}
-
-// By how much the step lowers half the sum of squares of the linearised residuals.
-double PredictedGain(const ReducedProblem::Linearisation& at, const Eigen::VectorXd& step) {
-  const Eigen::VectorXd half = at.matrix.selfadjointView<Eigen::Lower>() * step / 2;
-  return -step.dot(at.gradient + half);
+  // -(gradient + matrix step / 2)' step, without the product where the step solves the equations:
+  // along directions of little information it is the rounding of `matrix`.
+  Eigen::VectorXd change = -gradient - damping * step;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (stopped[static_cast<size_t>(i)]) change[i] = matrix.row(i).dot(step);
+  }
+  return {unit.cwiseProduct(step), -step.dot(gradient + change / 2)};
 }
 
 // The trust region of Levenberg and Marquardt as Nielsen (1999) changes it.
@@ -279,8 +288,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
       summary.message = "the most iterations are done";
       break;
     }
-    const Eigen::VectorXd step = DampedStep(*at, bounds, unit, region.Radius());
-    const double predicted = PredictedGain(*at, step);
+    const auto [step, predicted] = DampedStep(*at, bounds, unit, region.Radius());
     problem.MoveFrom(*at, step, own_part);
     const double cost = SquaresWithPoses(problem, at->squares, bundle) / 2;
     const double gain = summary.cost - cost;
