@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/layout.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 namespace plenocal::internal {
+
+bool EstimatesLocalModel(const Bundle& bundle) {
+  return std::ranges::any_of(bundle.cameras, [](const BundleCamera& camera) {
+    return camera.model->support_size > 0 && std::ranges::count(camera.fixed, false) > 0;
+  });
+}
 
 std::vector<bool> CamerasWithData(const Bundle& bundle) {
   std::vector<bool> has_data(bundle.cameras.size(), false);

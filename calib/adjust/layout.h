@@ -25,6 +25,9 @@ struct UnknownLayout {
   [[nodiscard]] int Markers() const { return total - head; }
 };
 
+/// True where parameters are estimated of a model of which a point depends on few (`support_size`).
+bool EstimatesLocalModel(const Bundle& bundle);
+
 /// Per camera: whether it has used observations.
 std::vector<bool> CamerasWithData(const Bundle& bundle);
 

@@ -61,13 +61,14 @@ RobustFactor RobustFactorOf(const RobustLoss& robust, double s2) {
 // it.
 ViewCharts ChartsOf(const BundleState& bundle, size_t frame, size_t camera) {
   ViewCharts charts;
+  auto pose = charts.pose.bottomRightCorner<3, 3>();
   if (!bundle.motion.empty()) {
-    charts.pose = ExpRotation(bundle.MotionIncrement(frame, camera).tail<3>());
+    pose = ExpRotation(bundle.MotionIncrement(frame, camera).tail<3>());
   }
   if (!bundle.jitter.delta.empty()) {
     const Vector6d& jitter = bundle.jitter.delta[bundle.View(frame, camera)];
-    charts.pose = (ExpRotation(jitter.tail<3>()) * charts.pose).eval();
-    charts.jitter = LeftJacobian(jitter.tail<3>());
+    pose = (ExpRotation(jitter.tail<3>()) * pose).eval();
+    charts.jitter.bottomRightCorner<3, 3>() = LeftJacobian(jitter.tail<3>());
   }
   return charts;
 }

@@ -24,11 +24,10 @@ struct LinearisedView {
 /// The poses of a view of `bundle` as they are.
 LinearisedView ViewOf(const BundleState& bundle, size_t frame, size_t camera);
 
-/// Rotation, left of the pose that a camera saw, by the rotation of the frame's pose in the chart
-/// about its present value, and by that of the view's jitter (`Jitter::delta`).
+/// Derivatives of the pose that a camera saw by the frame's pose and by the view's jitter
+/// (`Jitter::delta`); poses in the charts about their present values.
 struct ViewCharts {
-  Eigen::Matrix3d pose = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d jitter = Eigen::Matrix3d::Identity();
+  Matrix6d pose = Matrix6d::Identity(), jitter = Matrix6d::Identity();
 };
 ViewCharts ChartsOf(const BundleState& bundle, size_t frame, size_t camera);
 

@@ -21,12 +21,12 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
     const Matrix6d pose = states.Covariance(view.pose, view.pose);
     reduced.pose_covariances[view.frame] = pose;
     // Covariance of the pose that the camera saw.
-    Matrix6d seen = view.by_pose * pose * view.by_pose.transpose();
+    Matrix6d seen = view.charts.pose * pose * view.charts.pose.transpose();
     if (bundle.EstimatesJitter()) {
       const Matrix6d jitter = states.Covariance(view.jitter, view.jitter);
       const Matrix6d cross =
-          view.by_jitter * states.Covariance(view.jitter, view.pose) * view.by_pose.transpose();
-      seen += view.by_jitter * jitter * view.by_jitter.transpose() + cross + cross.transpose();
+          view.charts.jitter * states.Covariance(view.jitter, view.pose) * view.charts.pose.transpose();
+      seen += view.charts.jitter * jitter * view.charts.jitter.transpose() + cross + cross.transpose();
       const size_t index = bundle.View(view.frame, view.camera);
       if (!bundle.jitter.misplaced[index]) {
         const Matrix6d& W = objective.jitter_weights[index];

@@ -32,7 +32,7 @@ SceneTracks TracksOf(const std::vector<CameraInput>& cameras) {
   return tracks;
 }
 
-// Distances that the user knows between positions of a scene, in its bundle.
+// Known distances between positions of a scene, in its bundle.
 class SceneDistances {
  public:
   SceneDistances(const SceneCalibrationInput& input,

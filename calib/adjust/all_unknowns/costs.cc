@@ -17,12 +17,6 @@ Matrix6d FromStart(const double* delta) {
   return chart;
 }
 
-Matrix6d WithRotation(const Eigen::Matrix3d& rotation) {
-  Matrix6d chart = Matrix6d::Identity();
-  chart.bottomRightCorner<3, 3>() = rotation;
-  return chart;
-}
-
 }  // namespace
 
 ViewCost::ViewCost(const Bundle& bundle,
@@ -96,11 +90,9 @@ bool ViewCost::Evaluate(double const* const* /*parameters*/,
     if (of_.extrinsics != nullptr) {
       set([&] { return RowMajor(rows.Extrinsics() * FromStart(of_.extrinsics->delta)); });
     }
-    set([&] {
-      return RowMajor(rows.Pose() * WithRotation(charts.pose) * FromStart(of_.pose->delta));
-    });
+    set([&] { return RowMajor(rows.Pose() * charts.pose * FromStart(of_.pose->delta)); });
     if (bundle_.EstimatesJitter()) {
-      set([&] { return RowMajor(rows.Pose() * WithRotation(charts.jitter)); });
+      set([&] { return RowMajor(rows.Pose() * charts.jitter); });
     }
     Eigen::Matrix3d R_moved = Eigen::Matrix3d::Identity();  // of the target, since the start
     if (of_.target) {

@@ -97,7 +97,6 @@ class AdjustProblem {
   // there is none.
   bool FixAtBounds();
   [[nodiscard]] bool EliminatesMarkersFirst() const;
-  [[nodiscard]] bool EstimatesLocalModel() const;
   [[nodiscard]] size_t DenseUnknowns() const;
   [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
   [[nodiscard]] ceres::Solver::Options SolverOptions() const;
@@ -339,13 +338,6 @@ ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
   return ordering;
 }
 
-bool AdjustProblem::EstimatesLocalModel() const {
-  return std::any_of(bundle_.cameras.begin(), bundle_.cameras.end(), [](const auto& c) {
-    return c.model->support_size > 0 &&
-           std::find(c.fixed.begin(), c.fixed.end(), false) != c.fixed.end();
-  });
-}
-
 ceres::Solver::Options AdjustProblem::SolverOptions() const {
   ceres::Solver::Options solver;
   solver.linear_solver_type =
@@ -354,7 +346,7 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
           : ceres::SPARSE_SCHUR;
   // On which parameters of a local model a point depends changes during the solve, so that no
   // blocks of unknowns can state it.
-  if (EstimatesLocalModel()) {
+  if (EstimatesLocalModel(bundle_)) {
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     solver.dynamic_sparsity = true;
   }

@@ -10,13 +10,6 @@
 namespace plenocal::internal {
 namespace {
 
-// Derivative of a pose's chart whose rotation part is `rotation`; translations are the same.
-Matrix6d WithRotation(const Eigen::Matrix3d& rotation) {
-  Matrix6d chart = Matrix6d::Identity();
-  chart.bottomRightCorner<3, 3>() = rotation;
-  return chart;
-}
-
 double SquaresOfMarkerPriors(const Bundle& bundle) {
   double squares = 0;
   if (!bundle.marker_freedom.HasTolerance()) return squares;
@@ -111,22 +104,21 @@ class Elimination {
   // is eliminated.
   void AddTurnedView(EliminatedView* view) {
     States& states = equations_.states;
-    const ViewCharts charts = ChartsOf(bundle_, view->frame, view->camera);
-    view->by_pose = WithRotation(charts.pose);
-    const Matrix6d of_pose = view->by_pose.transpose() * view->information;
-    states.Information(view->pose, view->pose) += of_pose * view->by_pose;
-    states.Cross(view->pose) += cross_ * view->by_pose;
+    view->charts = ChartsOf(bundle_, view->frame, view->camera);
+    const auto& [by_pose, by_jitter] = view->charts;
+    const Matrix6d of_pose = by_pose.transpose() * view->information;
+    states.Information(view->pose, view->pose) += of_pose * by_pose;
+    states.Cross(view->pose) += cross_ * by_pose;
     if (!bundle_.EstimatesJitter()) return;
     const size_t index = bundle_.View(view->frame, view->camera);
     const Matrix6d& W = objective_.jitter_weights[index];
     const Vector6d residual = W * bundle_.jitter.delta[index];
     equations_.squares += residual.squaredNorm();
-    view->by_jitter = WithRotation(charts.jitter);
     view->jitter = Enter({.is_jitter = true, .index = index});
     states.Information(view->jitter, view->jitter) =
-        view->by_jitter.transpose() * view->information * view->by_jitter + W.transpose() * W;
-    states.Information(view->jitter, view->pose) = (of_pose * view->by_jitter).transpose();
-    states.Cross(view->jitter) = cross_ * view->by_jitter;
+        by_jitter.transpose() * view->information * by_jitter + W.transpose() * W;
+    states.Information(view->jitter, view->pose) = (of_pose * by_jitter).transpose();
+    states.Cross(view->jitter) = cross_ * by_jitter;
     states.Cross(view->jitter).row(layout_.total) += residual.transpose() * W;
     states.Leave(view->jitter, damping_, &equations_.S);
   }

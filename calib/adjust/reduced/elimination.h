@@ -31,9 +31,8 @@ struct EliminatedView {
   size_t frame = 0, camera = 0;
   Matrix6d information = Matrix6d::Zero();           ///< E' E, of that pose
   Matrix6d information_of_means = Matrix6d::Zero();  ///< that of the means of markers
-  /// Its chart by those of its states.
-  Matrix6d by_pose = Matrix6d::Identity(), by_jitter = Matrix6d::Identity();
-  States::Id pose = 0, jitter = 0;  ///< `jitter` where the bundle has it
+  ViewCharts charts = {};                            ///< by its states
+  States::Id pose = 0, jitter = 0;                   ///< `jitter` where the bundle has it
 };
 
 struct ReducedEquations {

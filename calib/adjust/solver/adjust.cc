@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/solver/adjust.h"
 
-#include <algorithm>
-
 #include "calib/adjust/all_unknowns/minimise.h"
 #include "calib/adjust/layout.h"
 #include "calib/adjust/reduced/minimise.h"
@@ -11,10 +9,8 @@ namespace plenocal {
 
 std::string_view ReasonForAllUnknowns(const Bundle& bundle) {
   if (bundle.HasLandmarks()) return "few landmarks are seen in a frame, so that blocks are sparse";
-  for (const BundleCamera& camera : bundle.cameras) {
-    if (camera.model->support_size > 0 && std::ranges::count(camera.fixed, false) > 0) {
-      return "a point depends on few of its camera's parameters, so that blocks are sparse";
-    }
+  if (internal::EstimatesLocalModel(bundle)) {
+    return "a point depends on few of its camera's parameters, so that blocks are sparse";
   }
   if (internal::MakeLayout(bundle).head == 0) return "frames have no unknowns in common";
   return {};

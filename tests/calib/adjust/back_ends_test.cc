@@ -230,11 +230,6 @@ struct WholeInformation {
 
   void Marker(const internal::VisitedView& view, const internal::MarkerRows& rows) {
     const internal::ViewCharts charts = internal::ChartsOf(bundle, view.frame, view.camera);
-    const auto turned = [&](Eigen::Index r, const Eigen::Matrix3d& chart) {
-      Eigen::RowVectorXd J = rows.Pose().row(r);
-      J.tail<3>() = (J.tail<3>() * chart).eval();
-      return J;
-    };
     for (Eigen::Index r = 0; r < rows.Count(); ++r) {
       J_of_row.setZero();
       for (size_t k = 0; k < layout.params[view.camera].size(); ++k) {
@@ -254,9 +249,9 @@ struct WholeInformation {
         J_of_row.segment<3>(layout.Marker(rows.Marker())) = rows.Position().row(r);
       }
       const auto pose = layout.total + 6 * static_cast<Eigen::Index>(view.frame);
-      J_of_row.segment<6>(pose) = turned(r, charts.pose);
+      J_of_row.segment<6>(pose) = rows.Pose().row(r) * charts.pose;
       if (bundle.EstimatesJitter()) {
-        J_of_row.segment<6>(Jitter(view.frame, view.camera)) = turned(r, charts.jitter);
+        J_of_row.segment<6>(Jitter(view.frame, view.camera)) = rows.Pose().row(r) * charts.jitter;
       }
       AddRow();
     }

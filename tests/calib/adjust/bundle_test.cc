@@ -312,9 +312,8 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
       continue;
     }
     const internal::ViewCharts charts = internal::ChartsOf(bundle, kFrame, 1);
-    J_jitter = J_pose;
-    J_jitter.rightCols<3>() = J_pose.rightCols<3>() * charts.jitter;
-    J_pose.rightCols<3>() = (J_pose.rightCols<3>() * charts.pose).eval();
+    J_jitter = J_pose * charts.jitter;
+    J_pose = (J_pose * charts.pose).eval();
     Eigen::MatrixXd J(2, n + 21);
     J << J_params, J_extrinsics, J_pose, J_jitter, J_marker;
     for (Eigen::Index k = 0; k < J.cols(); ++k) {

@@ -150,7 +150,7 @@ TEST(Uncertainty, CombinesPriorsAsOneMoreObservation) {
   EXPECT_NEAR(with.redundancy[0] - without.redundancy[0], 0.5, 1e-5);
 }
 
-// A prior on the roughness of three parameters, as much as the images know of it.
+// A prior on the roughness of three parameters, of as much information as the images have.
 TEST(Uncertainty, OfAModelWithPriorRowsIsThatOfTheNormalEquations) {
   Bundle bundle = ExactBundle({.frames = 5});
   constexpr std::array<size_t, 3> kIndices{4, 5, 6};
