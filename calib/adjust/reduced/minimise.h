@@ -37,7 +37,6 @@ class ReducedProblem {
   /// `bundle` is the workspace, at whose values all is evaluated; it must outlive this.
   ReducedProblem(const RobustLoss& loss, Bundle* bundle);
 
-  [[nodiscard]] Eigen::Index Size() const { return layout_.head; }
   /// The sum of squares; infinite outside the models' domains.
   [[nodiscard]] double Squares() const;
   /// Nothing outside the models' domains.
