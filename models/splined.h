@@ -25,6 +25,7 @@
 #include <Eigen/Dense>
 #include <numbers>
 
+#include "calib/base/invert_map.h"
 #include "calib/base/linear_algebra.h"
 #include "models/kannala_brandt4.h"
 #include "models/start/central_model.h"
@@ -137,14 +138,14 @@ struct Splined : LensModel<Splined>, SplinedGrid {
     const Eigen::Vector2d edge((kColumns - 1) / 2.0 / s, (kRows - 1) / 2.0 / s);
     if (!m.allFinite()) return std::nullopt;
     // The map is near the identity: m itself first, then places all over the rectangle.
-    if (auto direction = SolveFrom(k, m, m.cwiseMax(-edge).cwiseMin(edge), edge)) {
+    if (auto direction = SolveFrom(k, m, m.cwiseMax(-edge).cwiseMin(edge))) {
       return direction;
     }
     constexpr int kStarts = 9;
     for (int row = 0; row < kStarts; ++row) {
       for (int column = 0; column < kStarts; ++column) {
         const Eigen::Vector2d part(2.0 * column / (kStarts - 1) - 1, 2.0 * row / (kStarts - 1) - 1);
-        if (auto direction = SolveFrom(k, m, edge.cwiseProduct(part), edge)) return direction;
+        if (auto direction = SolveFrom(k, m, edge.cwiseProduct(part))) return direction;
       }
     }
     return std::nullopt;
@@ -244,37 +245,17 @@ struct Splined : LensModel<Splined>, SplinedGrid {
     return {-(1 - t) * (1 - t) / 2, (3 * t - 4) * t / 2, (1 + 2 * t - 3 * t * t) / 2, t * t / 2};
   }
 
-  // Newton's method in u, kept inside the rectangle and the domain.
   static std::optional<Eigen::Vector3d> SolveFrom(const double* k,
                                                   const Eigen::Vector2d& m,
-                                                  Eigen::Vector2d u,
-                                                  const Eigen::Vector2d& edge) {
-    constexpr int kIterations = 60;
-    constexpr double kTolerance = 1e-13, kLeastPart = 1e-3;
-    Eigen::Vector2d error, next_error;
-    Eigen::Matrix2d slope, next_slope;
-    const auto evaluate = [&](const Eigen::Vector2d& at, Eigen::Vector2d* off, Eigen::Matrix2d* J) {
-      Eigen::Vector2d value;
-      if (!Distort(k, at.data(), value.data(), J)) return false;
-      *off = value - m;
-      return true;
-    };
-    if (!evaluate(u, &error, &slope)) return std::nullopt;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      if (error.norm() <= kTolerance * (1 + m.norm())) return FromStereographic(u);
-      const Eigen::Vector2d step = -slope.inverse() * error;
-      Eigen::Vector2d next;
-      double part = 1;
-      do {
-        if (!(part > kLeastPart) || !step.allFinite()) return std::nullopt;
-        next = (u + part * step).cwiseMax(-edge).cwiseMin(edge);
-        part /= 2;
-      } while (!evaluate(next, &next_error, &next_slope) || !(next_error.norm() < error.norm()));
-      u = next;
-      error = next_error;
-      slope = next_slope;
-    }
-    return std::nullopt;
+                                                  const Eigen::Vector2d& start) {
+    constexpr double kLastStep = 1e-9;  // its square, the error after it, is rounding
+    const auto map =
+        [&](const Eigen::Vector2d& at, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
+          return Distort(k, at.data(), image->data(), slope);
+        };
+    const std::optional<Eigen::Vector2d> u = InvertMap(map, m, start, kLastStep);
+    if (!u) return std::nullopt;
+    return FromStereographic(*u);
   }
 
   // Image points with their stereographic coordinates u.

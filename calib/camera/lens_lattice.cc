@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +14,7 @@
 #include <unordered_map>
 
 #include "calib/base/format_error.h"
+#include "calib/base/invert_map.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
 #include "calib/base/statistics.h"
@@ -491,15 +491,13 @@ std::array<Matrix2d, 2> SmoothLattice::SecondDerivatives(double column, double r
 }
 
 Vector2d SmoothLattice::Coordinates(const Vector2d& position) const {
-  Vector2d at = middle_;
-  constexpr int kNewtonSteps = 30;
-  constexpr double kStep = 1e-9;  // of a pitch
-  for (int i = 0; i < kNewtonSteps; ++i) {
-    const Vector2d step = Basis(at.x(), at.y()).inverse() * (position - Position(at.x(), at.y()));
-    at += step;
-    if (step.norm() < kStep) break;
-  }
-  return at;
+  constexpr double kLastStep = 1e-9;  // of a pitch
+  const auto map = [&](const Vector2d& at, Vector2d* image, Matrix2d* slope) {
+    *image = Position(at.x(), at.y());
+    *slope = Basis(at.x(), at.y());
+    return true;
+  };
+  return InvertMap(map, position, middle_, kLastStep).value_or(middle_);
 }
 
 std::vector<LatticeNode> SmoothLattice::NodesInside(std::span<const LatticeMeasurement> measured,

@@ -2,11 +2,11 @@
 #include "engine/resample/virtual_image.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <cmath>
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/invert_map.h"
 #include "calib/camera/rays.h"
 
 namespace plenocal {
@@ -48,21 +48,17 @@ VirtualImage::VirtualImage(const CalibratedCamera& camera) : camera_(camera) {
   if (!centre) fail();
   centre_ = *centre;
 
-  // Newton's method towards the optical axis.
-  constexpr int kIterations = 20;
-  constexpr double kStep = 1;  // px
+  // The optical axis, by the scale in the middle of the image.
   c_ = size / 2;
-  for (int i = 0; i < kIterations; ++i) {
-    const auto at = Direction(c_), right = Direction(c_ + Eigen::Vector2d(kStep, 0)),
-               below = Direction(c_ + Eigen::Vector2d(0, kStep));
+  for (int i = 0; i < 2; ++i) {
+    const auto at = Direction(c_), right = Direction(c_ + Eigen::Vector2d(1, 0)),
+               below = Direction(c_ + Eigen::Vector2d(0, 1));
     if (!at || !right || !below) fail();
-    Eigen::Matrix2d J;
-    J << right->hnormalized() - at->hnormalized(), below->hnormalized() - at->hnormalized();
-    J /= kStep;
-    f_ = {1 / J.col(0).norm(), 1 / J.col(1).norm()};
-    const Eigen::Vector2d step = J.inverse() * at->hnormalized();
-    if (!step.allFinite()) fail();
-    c_ -= step;
+    f_ = {1 / (right->hnormalized() - at->hnormalized()).norm(),
+          1 / (below->hnormalized() - at->hnormalized()).norm()};
+    const auto c = Place(Eigen::Vector3d::UnitZ());
+    if (!c) fail();
+    c_ = *c;
   }
 }
 
@@ -85,18 +81,15 @@ std::optional<Eigen::Vector3d> VirtualImage::Direction(const Eigen::Vector2d& q)
 std::optional<Eigen::Vector2d> VirtualImage::Place(const Eigen::Vector3d& direction) const {
   if (!(direction.z() > 0)) return std::nullopt;
   const Eigen::Vector2d goal = direction.hnormalized();
-  constexpr int kIterations = 50;
-  constexpr double kConverged = 1e-6;  // px
-  Eigen::Vector2d q = c_ + f_.cwiseProduct(goal);
+  constexpr double kLastStep = 1e-6;  // px
   // Steps by the scale on the axis: the distortion of a lens changes it by some percent.
-  for (int i = 0; i < kIterations; ++i) {
+  const auto map = [&](const Eigen::Vector2d& q, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
     const auto at = Direction(q);
-    if (!at) return std::nullopt;
-    const Eigen::Vector2d step = f_.cwiseProduct(goal - at->hnormalized());
-    q += step;
-    if (step.norm() < kConverged) return q;
-  }
-  return std::nullopt;
+    if (at) *image = at->hnormalized();
+    *slope = f_.cwiseInverse().asDiagonal();
+    return at.has_value();
+  };
+  return InvertMap(map, goal, c_ + f_.cwiseProduct(goal), kLastStep);
 }
 
 std::optional<Eigen::Vector3d> VirtualImage::Point(const Eigen::Vector2d& q,

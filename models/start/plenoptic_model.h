@@ -51,6 +51,7 @@
 #include <limits>
 #include <optional>
 
+#include "calib/base/invert_map.h"
 #include "calib/camera/camera_model.h"
 #include "models/start/plenoptic_points.h"
 
@@ -164,18 +165,12 @@ struct PlenopticModel {
                                       const double* values) {
     const double f_L = params[0];
     const Eigen::Vector2d c(params[3], params[4]);
-    Eigen::Vector2d x_R, c_I;
-    if (!Undistort(params,
-                   Eigen::Vector2d((Eigen::Vector2d(values[0], values[1]) - c) * config[0]),
-                   &x_R) ||
-        !Undistort(params,
-                   Eigen::Vector2d((Eigen::Vector2d(values[2], values[3]) - c) * config[0]),
-                   &c_I)) {
-      return std::nullopt;
-    }
-    const auto [b_P, b_L0, B] = DistancesAt(params, c_I);
-    const Eigen::Vector2d c_ML = c_I * (b_P / (b_P + B));
-    const Eigen::Vector2d x_ML = x_R - c_ML;
+    const auto x_R = Undistort(params, (Eigen::Vector2d(values[0], values[1]) - c) * config[0]);
+    const auto c_I = Undistort(params, (Eigen::Vector2d(values[2], values[3]) - c) * config[0]);
+    if (!x_R || !c_I) return std::nullopt;
+    const auto [b_P, b_L0, B] = DistancesAt(params, *c_I);
+    const Eigen::Vector2d c_ML = *c_I * (b_P / (b_P + B));
+    const Eigen::Vector2d x_ML = *x_R - c_ML;
     // The images of the ray's points behind the main lens lie on x_ML / B. Its point at infinity is
     // the image of `origin`, its point on the micro lens that of origin - direction / ..., both by
     // the thin lens; their difference has no singularity at f_L = b_L0.
@@ -244,7 +239,9 @@ struct PlenopticModel {
     const double f_L = params[0], z_C = p.z(), beyond = z_C - f_L * h;
     Image image;
     const Eigen::Vector2d c_Id(lens_px[0] - params[3], lens_px[1] - params[4]);
-    if (!Undistort(params, c_Id * config[0], &image.c_I)) return std::nullopt;
+    const std::optional<Eigen::Vector2d> c_I = Undistort(params, c_Id * config[0]);
+    if (!c_I) return std::nullopt;
+    image.c_I = *c_I;
     image.lens = DistancesAt(params, image.c_I);
     const auto& [b_P, b_L0, B] = image.lens;
     if (!(beyond > 0 && z_C > 0)) return std::nullopt;
@@ -310,35 +307,17 @@ struct PlenopticModel {
     return 1 + r2 * (3 * A_0 + 5 * A_1 * r2) > 0 && DistortionJacobian(params, p).determinant() > 0;
   }
 
-  /// Newton's method.
-  static bool Undistort(const double* params,
-                        const Eigen::Vector2d& distorted,
-                        Eigen::Vector2d* undistorted) {
-    constexpr int kMaxIterations = 30;
+  static std::optional<Eigen::Vector2d> Undistort(const double* params,
+                                                  const Eigen::Vector2d& distorted) {
     constexpr double kLastStep = 1e-8;  // relative; its square, the error after it, is rounding
-    const double goal = distorted.squaredNorm();
-    Eigen::Vector2d& p = *undistorted;
-    p = distorted;
-    // Start: the distorted point, less its own distortion where that is small. A large correction
-    // may end beyond the fold.
-    constexpr double kSmall = 0.1;
-    const Eigen::Vector2d bend = Distort(params, distorted) - distorted;
-    if (bend.squaredNorm() < kSmall * kSmall * goal) p -= bend;
-    double last_step = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < kMaxIterations && last_step > kLastStep * kLastStep * goal; ++i) {
-      const Eigen::Vector2d step =
-          DistortionJacobian(params, p).inverse() * (distorted - Distort(params, p));
-      // At the limit of rounding the steps cease to shrink.
-      if (i > 3 && !(step.squaredNorm() < last_step)) break;
-      p += step;
-      last_step = step.squaredNorm();
-    }
-    if (!p.allFinite() || !Unfolded(params, p)) return false;
-    return last_step <= kLastStep * kLastStep * goal ||
-           (distorted - Distort(params, p)).norm() <= kUndistorted * std::sqrt(goal) + 1e-15;
+    const auto map = [&](const Eigen::Vector2d& p, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
+      *image = Distort(params, p);
+      *slope = DistortionJacobian(params, p);
+      return true;
+    };
+    const auto p = InvertMap(map, distorted, distorted, kLastStep * distorted.norm());
+    return p && Unfolded(params, *p) ? p : std::nullopt;
   }
-
-  static constexpr double kUndistorted = 1e-9;  // relative; a tenth of a nanometre on a sensor
 };
 
 }  // namespace plenocal

@@ -17,6 +17,7 @@
 // whole map's Jacobian becomes singular.
 #pragma once
 
+#include "calib/base/invert_map.h"
 #include "models/start/central_model.h"
 
 namespace plenocal {
@@ -79,8 +80,7 @@ struct RadtanModel : LensModel<M> {
   }
 
   static std::optional<Eigen::Vector3d> Unmap(const double* k, const Eigen::Vector2d& m) {
-    // The radial part alone first, then Newton's method on both coordinates, each step shortened
-    // until it stays inside the domain and comes nearer.
+    // The radial part alone first.
     const Lens lens(k);
     const double r_d = m.norm();
     if (!std::isfinite(r_d)) return std::nullopt;
@@ -91,29 +91,16 @@ struct RadtanModel : LensModel<M> {
                         r_d);
     Eigen::Vector2d xy = r_d > 0 ? Eigen::Vector2d(m * (r.value_or(r_d) / r_d)) : m;
     constexpr int kMaxIterations = 100;
+    constexpr double kLastStep = 1e-9;  // its square, the error after it, is rounding
     for (int i = 0; i < kMaxIterations && !lens.Images(xy.x(), xy.y()); ++i) xy *= 0.9;
-    const auto error = [&](const Eigen::Vector2d& at, Eigen::Vector2d& difference) {
-      const Vector3<double> p(at.x(), at.y(), 1);
-      if (!Map(k, p, difference.data())) return false;
-      difference -= m;
-      return true;
-    };
-    Eigen::Vector2d now, next;
-    if (!error(xy, now)) return std::nullopt;
-    for (int i = 0; i < kMaxIterations; ++i) {
-      const Eigen::Vector2d step = -lens.Jacobian(xy.x(), xy.y()).inverse() * now;
-      double part = 1;
-      constexpr double kSmallestPart = 1e-6;
-      for (; part > kSmallestPart; part /= 2) {
-        if (error(xy + part * step, next) && next.norm() < now.norm()) break;
-      }
-      if (part <= kSmallestPart) break;  // as near as rounding allows
-      xy += part * step;
-      now = next;
-    }
-    constexpr double kTolerance = 1e-12;
-    if (!(now.norm() <= kTolerance * (1 + r_d))) return std::nullopt;
-    return Eigen::Vector3d(xy.x(), xy.y(), 1);
+    const auto map =
+        [&](const Eigen::Vector2d& at, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
+          *slope = lens.Jacobian(at.x(), at.y());
+          return Map(k, Vector3<double>(at.x(), at.y(), 1), image->data());
+        };
+    const std::optional<Eigen::Vector2d> place = InvertMap(map, m, xy, kLastStep * (1 + r_d));
+    if (!place) return std::nullopt;
+    return place->homogeneous();
   }
 
  private:

@@ -10,12 +10,11 @@
 #include <numbers>
 
 #include "calib/base/format_error.h"
+#include "calib/base/invert_map.h"
 #include "calib/camera/lens_lattice.h"
 
 namespace plenocal::simulate {
 namespace {
-
-constexpr int kIterations = 40;
 
 [[noreturn]] void Fail(const CameraSpec& camera, const std::string& message) {
   throw InputError("cameras.{}: {}", camera.name, message);
@@ -81,19 +80,23 @@ void MicroLensOptics::FindPrincipalPoint() {
   const Eigen::Vector2d middle =
       Eigen::Vector2d(camera_.image_size[0] - 1.0, camera_.image_size[1] - 1.0) / 2;
   const double h = 1;  // px; slopes are smooth over many pixels
-  principal_ = middle;
-  for (int i = 0; i < kIterations; ++i) {
-    const auto at = Slope(principal_);
-    for (int k = 0; k < 2; ++k) {
+  const auto map = [&](const Eigen::Vector2d& c, Eigen::Vector2d* slope, Eigen::Matrix2d* by_c) {
+    const auto at = Slope(c);
+    for (int k = 0; at && k < 2; ++k) {
       const Eigen::Vector2d d = h * Eigen::Vector2d::Unit(k);
-      const auto plus = Slope(principal_ + d), minus = Slope(principal_ - d);
-      if (!at || !plus || !minus) Fail(camera_, "its model sees nothing at the principal point");
-      slope_by_px_.col(k) = (*plus - *minus) / (2 * h);
+      const auto plus = Slope(c + d), minus = Slope(c - d);
+      if (!plus || !minus) return false;
+      by_c->col(k) = (*plus - *minus) / (2 * h);
     }
-    const Eigen::Vector2d move = slope_by_px_.inverse() * *at;
-    principal_ -= move;
-    if (move.norm() < 1e-10) break;
+    if (at) *slope = *at;
+    return at.has_value();
+  };
+  const auto found = InvertMap(map, Eigen::Vector2d(0, 0), middle, 1e-10);
+  Eigen::Vector2d slope;
+  if (!found || !map(*found, &slope, &slope_by_px_)) {
+    Fail(camera_, "its model sees nothing at the principal point");
   }
+  principal_ = *found;
   px_by_slope_ = slope_by_px_.inverse();
 
   // Two rays through the pupil's middle; where they are nearest to each other.
@@ -110,16 +113,15 @@ void MicroLensOptics::FindPrincipalPoint() {
 }
 
 std::optional<Eigen::Vector2d> MicroLensOptics::FromSlope(const Eigen::Vector2d& slope) const {
-  Eigen::Vector2d c = principal_ + px_by_slope_ * slope;
-  for (int i = 0; i < kIterations; ++i) {
+  const Eigen::Vector2d start = principal_ + px_by_slope_ * slope;
+  // The distortion changes slowly, so its absence is a good enough derivative.
+  const auto map = [&](const Eigen::Vector2d& c, Eigen::Vector2d* image, Eigen::Matrix2d* by_c) {
     const auto at = Slope(c);
-    if (!at) return std::nullopt;
-    // The distortion changes slowly, so its absence is a good enough derivative.
-    const Eigen::Vector2d move = px_by_slope_ * (slope - *at);
-    c += move;
-    if (move.norm() < 1e-11 * (1 + c.norm())) return c;
-  }
-  return std::nullopt;
+    if (at) *image = *at;
+    *by_c = slope_by_px_;
+    return at.has_value();
+  };
+  return InvertMap(map, slope, start, 1e-11 * (1 + start.norm()));
 }
 
 MicroLensArray MicroLensOptics::Array() const {
