@@ -15,7 +15,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -278,11 +277,21 @@ Estimate EstimateNumber(const Views& views,
   const auto fit = [&](double log_value) {
     return FitAll(views, places(log_value), &bracket.distortions);
   };
-  constexpr int kBits = 16;
-  const auto log_variance = [&](double log_value) { return fit(log_value).log_variance; };
-  const double at =
-      boost::math::tools::brent_find_minima(log_variance, bracket.low, bracket.high, kBits).first;
+  constexpr double kGolden = 0.381966, kPrecision = 1e-4;
+  double low = bracket.low, high = bracket.high;
+  double a = low + kGolden * (high - low), b = high - kGolden * (high - low);
+  double of_a = fit(a).log_variance, of_b = fit(b).log_variance;
+  while (high - low > kPrecision) {
+    if (of_a < of_b) {
+      high = b, b = a, of_b = of_a;
+      a = low + kGolden * (high - low), of_a = fit(a).log_variance;
+    } else {
+      low = a, a = b, of_a = of_b;
+      b = high - kGolden * (high - low), of_b = fit(b).log_variance;
+    }
+  }
   Estimate estimate;
+  const double at = (low + high) / 2;
   estimate.value = std::exp(at);
   estimate.fit = fit(at);
   // The variance grows by 1 + k d^2 at the distance d from the best value; one standard error is
