@@ -125,21 +125,6 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
   return lengths;
 }
 
-std::vector<std::vector<MarkerDistance>> BundleState::DistanceGroups() const {
-  std::vector<std::vector<MarkerDistance>> groups;
-  std::vector<MarkerDistance> together;
-  for (const MarkerDistance& distance : distances) {
-    if (distance.common_sigma > 0) {
-      together.push_back(distance);
-    } else {
-      groups.push_back({distance});
-    }
-  }
-  if (!together.empty()) groups.push_back(std::move(together));
-  if (scale_distance) groups.push_back({*scale_distance});
-  return groups;
-}
-
 namespace {
 
 // End of the run of observations, from `begin` on, that `same` accepts beside the first.
@@ -174,7 +159,7 @@ size_t EndOfFrame(const std::vector<BundleObservation>& observations, size_t beg
   return EndOfRun(observations, begin, SameFrame);
 }
 
-void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle) {
+void MoveTarget(size_t target, const RigidTransform& T_target_own, BundleState* bundle) {
   const RigidTransform moved = T_target_own * bundle->targets[target].T_target_own.Inverse();
   bundle->targets[target].T_target_own = T_target_own;
   for (BundleMarker& marker : bundle->markers) {
@@ -208,7 +193,7 @@ std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown) {
   return camera.name + ".T_camera_rig." + kExtrinsicsNames[static_cast<size_t>(of.component)];
 }
 
-Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {
+Matrix6d JitterWeight(const BundleState& bundle, size_t frame) {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const BundleMarker& marker : bundle.markers) centre += marker.nominal;
   centre /= std::max(1.0, static_cast<double>(bundle.markers.size()));
@@ -221,7 +206,7 @@ Matrix6d JitterWeight(const Bundle& bundle, size_t frame) {
   return weight;
 }
 
-Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera) {
+Matrix6d JitterWeight(const BundleState& bundle, size_t frame, size_t camera) {
   // Factor on the weight; zero would leave a frame undetermined whose only view is misplaced.
   constexpr double kMisplacedWeight = 1e-3;
   return (bundle.jitter.misplaced[bundle.View(frame, camera)] ? kMisplacedWeight : 1.0) *

@@ -146,8 +146,6 @@ struct BundleState {
 
   [[nodiscard]] bool EstimatesMarkers() const { return !marker_freedom.IsRigid(); }
   [[nodiscard]] bool HasLandmarks() const { return marker_freedom.IsLandmarks(); }
-  /// The measured distances and `scale_distance`, with those together that share an error.
-  [[nodiscard]] std::vector<std::vector<MarkerDistance>> DistanceGroups() const;
   /// Index of the target whose pose a marker follows; nothing where that is not estimated.
   [[nodiscard]] std::optional<size_t> FreeTarget(int marker) const {
     if (targets.empty()) return std::nullopt;
@@ -214,7 +212,7 @@ size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begi
 size_t EndOfFrame(const std::vector<BundleObservation>& observations, size_t begin);
 
 /// Gives a target another pose; its markers and their nominal places move with it.
-void MoveTarget(size_t target, const RigidTransform& T_target_own, Bundle* bundle);
+void MoveTarget(size_t target, const RigidTransform& T_target_own, BundleState* bundle);
 
 /// Gaussian prior on a weighted sum of parameters: a rule's or the model's (`PriorRow`).
 struct ParamPrior {
@@ -235,8 +233,8 @@ std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown);
 
 /// Square root W of the prior's information on the jitter in one frame: its residual is W delta,
 /// first the displacement of the target's centre, then its rotation.
-Matrix6d JitterWeight(const Bundle& bundle, size_t frame);
+Matrix6d JitterWeight(const BundleState& bundle, size_t frame);
 /// `JitterWeight` of one view, which may be misplaced.
-Matrix6d JitterWeight(const Bundle& bundle, size_t frame, size_t camera);
+Matrix6d JitterWeight(const BundleState& bundle, size_t frame, size_t camera);
 
 }  // namespace plenocal

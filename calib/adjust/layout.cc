@@ -21,7 +21,13 @@ std::vector<bool> CamerasWithData(const Bundle& bundle) {
   return has_data;
 }
 
-UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& estimated) {
+UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior) {
+  std::vector<bool> estimated = CamerasWithData(bundle);
+  if (of_prior && bundle.prior) {
+    for (const CalibrationPrior::Unknown& unknown : bundle.prior->unknowns) {
+      estimated[unknown.camera] = true;
+    }
+  }
   UnknownLayout layout;
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
@@ -50,6 +56,72 @@ UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& estimate
   layout.total = layout.head;
   if (layout.markers) layout.total = layout.Marker(static_cast<int>(bundle.markers.size()));
   return layout;
+}
+
+std::vector<int> UnknownsOf(const UnknownLayout& layout, size_t camera) {
+  std::vector<int> unknowns = layout.params[camera];
+  const auto add = [&](int first) {
+    for (int i = 0; first >= 0 && i < 6; ++i) unknowns.push_back(first + i);
+  };
+  add(layout.extrinsics[camera]);
+  std::ranges::for_each(layout.targets, add);
+  std::ranges::sort(unknowns);
+  unknowns.erase(std::unique(unknowns.begin(), unknowns.end()), unknowns.end());
+  std::erase(unknowns, -1);
+  return unknowns;
+}
+
+Eigen::VectorXd Values(const UnknownLayout& layout, const BundleState& bundle) {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(layout.head);
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    for (size_t k = 0; k < layout.params[c].size(); ++k) {
+      if (layout.params[c][k] >= 0) values[layout.params[c][k]] = bundle.cameras[c].params[k];
+    }
+  }
+  return values;
+}
+
+StepBounds BoundsOfStep(const UnknownLayout& layout, const BundleState& bundle) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  StepBounds bounds{Eigen::VectorXd::Constant(layout.head, -kInfinity),
+                    Eigen::VectorXd::Constant(layout.head, kInfinity)};
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    for (size_t k = 0; k < camera.rules.size(); ++k) {
+      const int i = layout.params[c][k];
+      if (i < 0) continue;
+      bounds.lower[i] = std::max(bounds.lower[i], camera.rules[k].lower - camera.params[k]);
+      bounds.upper[i] = std::min(bounds.upper[i], camera.rules[k].upper - camera.params[k]);
+    }
+  }
+  return bounds;
+}
+
+void Move(const UnknownLayout& layout, const Eigen::VectorXd& step, BundleState* bundle) {
+  for (size_t m = 0; layout.markers && m < bundle->markers.size(); ++m) {
+    bundle->markers[m].position += step.segment<3>(layout.Marker(static_cast<int>(m)));
+  }
+  for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+    BundleCamera& camera = bundle->cameras[c];
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      if (layout.params[c][k] >= 0) camera.params[k] += step[layout.params[c][k]];
+    }
+    if (layout.extrinsics[c] < 0) continue;
+    camera.T_camera_rig = Retract(camera.T_camera_rig, step.segment<6>(layout.extrinsics[c]));
+  }
+  for (size_t k = 0; k < bundle->targets.size(); ++k) {
+    if (layout.targets[k] < 0) continue;
+    const RigidTransform& T_target_own = bundle->targets[k].T_target_own;
+    MoveTarget(k, Retract(T_target_own, step.segment<6>(layout.targets[k])), bundle);
+  }
+}
+
+bool WithinDomain(const BundleState& bundle, const std::vector<bool>& cameras) {
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const BundleCamera& camera = bundle.cameras[c];
+    if (cameras[c] && !WithinBounds(*camera.model, camera.params.data())) return false;
+  }
+  return true;
 }
 
 void SetAtBounds(Bundle* bundle) {

@@ -3,6 +3,7 @@
 // Indices of the unknowns in the normal equations that are left when poses are eliminated.
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "calib/adjust/bundle.h"
@@ -31,12 +32,26 @@ bool EstimatesLocalModel(const Bundle& bundle);
 /// Per camera: whether it has used observations.
 std::vector<bool> CamerasWithData(const Bundle& bundle);
 
-/// `estimated` per camera: whether its unknowns are.
-UnknownLayout MakeLayout(const Bundle& bundle, const std::vector<bool>& estimated);
-/// Those of cameras with data are.
-inline UnknownLayout MakeLayout(const Bundle& bundle) {
-  return MakeLayout(bundle, CamerasWithData(bundle));
-}
+/// The unknowns of cameras with data, and `of_prior` of those in the calibration prior.
+UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior = false);
+
+/// Indices, ascending, on which rows of a camera may depend before the markers.
+std::vector<int> UnknownsOf(const UnknownLayout& layout, size_t camera);
+
+/// Values of the unknowns before the markers: of parameters, 0 of charts.
+Eigen::VectorXd Values(const UnknownLayout& layout, const BundleState& bundle);
+
+/// Bounds of a step of these from their present values, by the parameters' rules.
+struct StepBounds {
+  Eigen::VectorXd lower, upper;
+};
+StepBounds BoundsOfStep(const UnknownLayout& layout, const BundleState& bundle);
+
+/// Moves the unknowns of a layout, in the charts about their present values.
+void Move(const UnknownLayout& layout, const Eigen::VectorXd& step, BundleState* bundle);
+
+/// True where the parameters of the chosen cameras are in their models' domains.
+bool WithinDomain(const BundleState& bundle, const std::vector<bool>& cameras);
 
 /// Sets `BundleCamera::at_bound`, and parameters that lie on a bound but for rounding to it.
 void SetAtBounds(Bundle* bundle);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/priors.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
 
 namespace plenocal::internal {
 
@@ -64,6 +66,12 @@ std::vector<SparseRow> RowsOfCalibrationPrior(const BundleState& bundle,
   return rows;
 }
 
+std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayout& layout) {
+  std::vector<SparseRow> rows = RowsOfParamPriors(bundle, layout);
+  std::ranges::move(RowsOfCalibrationPrior(bundle, layout), std::back_inserter(rows));
+  return rows;
+}
+
 void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information) {
   for (const SparseRow& row : rows) {
     for (const auto& [a, J_a] : row.J) {
@@ -74,67 +82,62 @@ void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* informa
   }
 }
 
-DistanceRows::DistanceRows(std::vector<MarkerDistance> distances)
-    : distances_(std::move(distances)) {
-  const auto count = static_cast<Eigen::Index>(distances_.size());
-  Eigen::VectorXd own(count), common(count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const MarkerDistance& distance = distances_[static_cast<size_t>(i)];
-    own[i] = distance.sigma;
-    common[i] = distance.common_sigma;
-    for (const std::vector<int>* end : {&distance.markers_a, &distance.markers_b}) {
-      markers_.insert(markers_.end(), end->begin(), end->end());
-    }
+std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
+                                       const std::function<int(int marker)>& first) {
+  std::vector<MarkerDistance> distances = bundle.distances;
+  if (bundle.scale_distance) distances.push_back(*bundle.scale_distance);
+  std::erase_if(distances, [&](const MarkerDistance& distance) {
+    const auto is_out = [&](int marker) { return first(marker) < 0; };
+    return std::ranges::any_of(distance.markers_a, is_out) ||
+           std::ranges::any_of(distance.markers_b, is_out);
+  });
+  std::vector<int> columns;  // of J, first of three
+  for (const MarkerDistance& distance : distances) {
+    for (const int marker : distance.markers_a) columns.push_back(first(marker));
+    for (const int marker : distance.markers_b) columns.push_back(first(marker));
   }
-  std::ranges::sort(markers_);
-  markers_.erase(std::unique(markers_.begin(), markers_.end()), markers_.end());
-  Eigen::MatrixXd covariance = common * common.transpose();
-  covariance.diagonal() += own.cwiseAbs2();
-  weight_ = covariance.llt().matrixL().solve(Eigen::MatrixXd::Identity(count, count));
-}
-
-bool DistanceRows::Evaluate(std::span<const Eigen::Vector3d> positions,
-                            Eigen::VectorXd* residual,
-                            Eigen::MatrixXd* J) const {
-  const auto index = [&](int marker) {
-    return std::ranges::lower_bound(markers_, marker) - markers_.begin();
-  };
-  const auto centre = [&](const std::vector<int>& markers) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const int marker : markers) sum += positions[static_cast<size_t>(index(marker))];
-    return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
-  };
-  residual->resize(Rows());
-  J->setZero(Rows(), 3 * static_cast<Eigen::Index>(markers_.size()));
-  for (Eigen::Index i = 0; i < Rows(); ++i) {
-    const MarkerDistance& distance = distances_[static_cast<size_t>(i)];
+  std::ranges::sort(columns);
+  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  const auto count = std::ssize(distances);
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(count, 3 * std::ssize(columns));
+  Eigen::VectorXd residual(count), common(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const MarkerDistance& distance = distances[static_cast<size_t>(i)];
+    const auto centre = [&](const std::vector<int>& markers) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (const int marker : markers) sum += bundle.markers[static_cast<size_t>(marker)].position;
+      return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
+    };
     const Eigen::Vector3d apart = centre(distance.markers_a) - centre(distance.markers_b);
-    const double length = apart.norm();
-    if (length == 0) return false;
-    (*residual)[i] = length - distance.length;
     const auto add = [&](const std::vector<int>& markers, double sign) {
       for (const int marker : markers) {
-        J->block<1, 3>(i, 3 * index(marker)) +=
-            sign / (length * static_cast<double>(markers.size())) * apart.transpose();
+        const auto column = std::ranges::lower_bound(columns, first(marker)) - columns.begin();
+        J.block<1, 3>(i, 3 * column) += sign / static_cast<double>(markers.size()) *
+                                        apart.transpose() / (apart.norm() * distance.sigma);
       }
     };
     add(distance.markers_a, 1);
     add(distance.markers_b, -1);
+    residual[i] = apart.isZero(0) ? std::numeric_limits<double>::infinity()
+                                  : (apart.norm() - distance.length) / distance.sigma;
+    common[i] = distance.common_sigma / distance.sigma;
   }
-  *residual = weight_ * *residual;
-  *J = weight_ * *J;
-  return true;
-}
-
-std::vector<DistanceRows> RowsOfDistances(const Bundle& bundle,
-                                          const std::function<bool(int marker)>& used) {
-  std::vector<DistanceRows> rows;
-  for (std::vector<MarkerDistance>& group : bundle.DistanceGroups()) {
-    std::erase_if(group, [&](const MarkerDistance& distance) {
-      return !std::ranges::all_of(distance.markers_a, used) ||
-             !std::ranges::all_of(distance.markers_b, used);
-    });
-    if (!group.empty()) rows.emplace_back(std::move(group));
+  if (!residual.allFinite()) J.setZero();
+  // Inverse root of 1 + c c', as `MarkerRows::Whiten`'s.
+  if (const double square = common.squaredNorm(); square > 0) {
+    const double part = (1 - 1 / std::sqrt(1 + square)) / square;
+    J -= part * common * (common.transpose() * J);
+    residual -= part * common.dot(residual) * common;
+  }
+  std::vector<SparseRow> rows(distances.size());
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    rows[i].residual = residual[row];
+    for (Eigen::Index k = 0; k < J.cols(); ++k) {
+      if (J(row, k) == 0) continue;
+      rows[i].J.emplace_back(columns[static_cast<size_t>(k / 3)] + static_cast<int>(k % 3),
+                             J(row, k));
+    }
   }
   return rows;
 }

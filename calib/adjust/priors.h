@@ -5,7 +5,6 @@
 
 #include <Eigen/Core>
 #include <functional>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -26,6 +25,9 @@ std::vector<SparseRow> RowsOfParamPriors(const BundleState& bundle, const Unknow
 std::vector<SparseRow> RowsOfCalibrationPrior(const BundleState& bundle,
                                               const UnknownLayout& layout);
 
+/// Both.
+std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayout& layout);
+
 /// Adds J' J to the lower triangle of `information`.
 void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information);
 
@@ -35,28 +37,10 @@ Vector6d ChartDerivative(const RigidTransform& origin,
                          const RigidTransform& T,
                          Eigen::Index component);
 
-/// Distances of one of `Bundle::DistanceGroups`: residual L^-1 (|a - b| - length), L L' their
-/// covariance.
-class DistanceRows {
- public:
-  explicit DistanceRows(std::vector<MarkerDistance> distances);
-  /// Indices of the landmarks, ascending.
-  [[nodiscard]] const std::vector<int>& Markers() const { return markers_; }
-  [[nodiscard]] Eigen::Index Rows() const { return weight_.rows(); }
-  /// Sets the residual and its derivatives (rows x 3 a landmark) at the positions of `Markers`, in
-  /// their order; false where both ends of one coincide.
-  bool Evaluate(std::span<const Eigen::Vector3d> positions,
-                Eigen::VectorXd* residual,
-                Eigen::MatrixXd* J) const;
-
- private:
-  std::vector<MarkerDistance> distances_;
-  std::vector<int> markers_;
-  Eigen::MatrixXd weight_;  // L^-1
-};
-
-/// The rows of the bundle's distances between landmarks that are all `used`.
-std::vector<DistanceRows> RowsOfDistances(const Bundle& bundle,
-                                          const std::function<bool(int marker)>& used);
+/// Distances between landmarks. `first`: index of the first of a landmark's three unknowns, or -1
+/// for one that has none, whose distances are left out. Where two ends coincide the residuals are
+/// infinite and have no derivatives.
+std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
+                                       const std::function<int(int marker)>& first);
 
 }  // namespace plenocal::internal

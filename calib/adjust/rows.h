@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/adjust/bundle.h"
+#include "calib/adjust/layout.h"
 #include "calib/base/robust.h"
 
 namespace plenocal::internal {
@@ -127,6 +128,27 @@ class MarkerRows {
   std::vector<double> residual_, params_, extrinsics_, pose_, position_;
   std::vector<double> inverse_sigma_;  // per loaded observation
 };
+
+/// Calls add(first, J) for derivatives J of a marker's rows by unknowns of `layout` from `first`
+/// on, one or several columns; more than once for parameters that are tied together.
+template <typename Add>
+void ForEachDerivative(const BundleState& bundle,
+                       const UnknownLayout& layout,
+                       size_t camera,
+                       const MarkerRows& rows,
+                       const Add& add) {
+  const std::vector<int>& params = layout.params[camera];
+  for (size_t k = 0; k < params.size(); ++k) {
+    if (params[k] >= 0) add(params[k], rows.Params().col(static_cast<Eigen::Index>(k)));
+  }
+  if (layout.extrinsics[camera] >= 0) add(layout.extrinsics[camera], rows.Extrinsics());
+  if (const auto target = bundle.FreeTarget(rows.Marker())) {
+    const Eigen::Vector3d& position = bundle.markers[static_cast<size_t>(rows.Marker())].position;
+    const auto by_pose = PointByTargetPose(bundle.targets[*target].T_target_own, position);
+    add(layout.targets[*target], rows.Position() * by_pose);
+  }
+  if (layout.markers) add(layout.Marker(rows.Marker()), rows.Position());
+}
 
 /// A view whose rows are visited.
 struct VisitedView {

@@ -28,19 +28,10 @@ using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::R
 
 // Indices of one camera's unknowns and of the poses of targets, which all cameras share.
 std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
-  std::vector<int> indices;
-  for (const int index : uncertainty.param_index[camera]) {
-    if (index >= 0) indices.push_back(index);
-  }
-  std::sort(indices.begin(), indices.end());
-  indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
-  for (int i = 0; i < 6 && uncertainty.extrinsics_index[camera] >= 0; ++i) {
-    indices.push_back(uncertainty.extrinsics_index[camera] + i);
-  }
-  for (const int target : uncertainty.target_index) {
-    for (int i = 0; i < 6 && target >= 0; ++i) indices.push_back(target + i);
-  }
-  return indices;
+  return internal::UnknownsOf({.params = uncertainty.param_index,
+                               .extrinsics = uncertainty.extrinsics_index,
+                               .targets = uncertainty.target_index},
+                              camera);
 }
 
 // Sums over rows that share a pose, of their products with B = [J D with the directions D, 6
@@ -109,16 +100,13 @@ class CameraRows {
   CameraRows(const RowContext& context, size_t camera)
       : context_(context),
         own_(IndicesOf(context.uncertainty, camera)),
-        D_(context.D(own_, Eigen::all)) {
-    const auto column_of = [&](int index) {
-      const auto found = std::ranges::find(own_, index);
-      return found == own_.end() ? -1 : static_cast<int>(found - own_.begin());
-    };
-    for (const int index : context.uncertainty.param_index[camera]) {
-      params_.push_back(column_of(index));
+        D_(context.D(own_, Eigen::all)),
+        camera_(camera),
+        layout_(internal::MakeLayout(context.bundle)),
+        column_(static_cast<size_t>(layout_.head)) {
+    for (size_t i = 0; i < own_.size(); ++i) {
+      column_[static_cast<size_t>(own_[i])] = static_cast<Eigen::Index>(i);
     }
-    extrinsics_ = column_of(context.uncertainty.extrinsics_index[camera]);
-    for (const int index : context.uncertainty.target_index) targets_.push_back(column_of(index));
   }
 
   // Indices of the camera's own unknowns.
@@ -131,17 +119,11 @@ class CameraRows {
     Reserve(first + count);
     auto J = J_.middleRows(first, count);
     J.setZero();
-    for (size_t k = 0; k < params_.size(); ++k) {
-      if (params_[k] >= 0) J.col(params_[k]) += rows.Params().col(static_cast<Eigen::Index>(k));
-    }
-    if (extrinsics_ >= 0) J.middleCols<6>(extrinsics_) = rows.Extrinsics();
-    if (const auto target = context_.bundle.FreeTarget(rows.Marker())) {
-      J.middleCols<6>(targets_[*target]) =
-          rows.Position() *
-          internal::PointByTargetPose(
-              context_.bundle.targets[*target].T_target_own,
-              context_.bundle.markers[static_cast<size_t>(rows.Marker())].position);
-    }
+    internal::ForEachDerivative(
+        context_.bundle, layout_, camera_, rows, [&](int unknown, const auto& by) {
+          if (unknown >= layout_.head) return;
+          J.middleCols(column_[static_cast<size_t>(unknown)], by.cols()) += by;
+        });
     E_.middleRows(first, count) = rows.Pose();
     J_marker_.middleRows(first, count) = rows.Position();
     residuals_.segment(first, count) = rows.Residual();
@@ -212,12 +194,12 @@ class CameraRows {
   }
 
   const RowContext& context_;
-  std::vector<int> own_;        // indices of the camera's unknowns: the columns of J_
-  std::vector<int> params_;     // per parameter its column, or -1
-  int extrinsics_ = -1;         // first column; -1: not estimated
-  std::vector<int> targets_;    // the same per target
-  MatrixXd D_;                  // rows of the directions
-  RowMatrix J_, E_, J_marker_;  // of the view
+  std::vector<int> own_;  // indices of the camera's unknowns: the columns of J_
+  MatrixXd D_;            // rows of the directions
+  size_t camera_;
+  internal::UnknownLayout layout_;
+  std::vector<Eigen::Index> column_;  // of J_, per unknown
+  RowMatrix J_, E_, J_marker_;        // of the view
   VectorXd residuals_;
   MatrixXd B_;
   std::vector<Span> spans_;

@@ -24,26 +24,30 @@ struct LandmarkRows {
   Eigen::VectorXd residual;
 };
 
-// Parts of the system that one landmark touches: sums by global index.
+// Parts of the system that one landmark touches.
 class LandmarkSums {
  public:
-  explicit LandmarkSums(size_t unknowns) : place_(unknowns, -1) {}
+  explicit LandmarkSums(Eigen::Index unknowns)
+      : W_(3, unknowns), touched_(static_cast<size_t>(unknowns), false) {}
 
   void Clear() {
-    for (const int column : columns_) place_[static_cast<size_t>(column)] = -1;
+    for (const int column : columns_) touched_[static_cast<size_t>(column)] = false;
     columns_.clear();
     V_.setZero();
-    W_.setZero();
   }
   // Adds rows' rows: the part without the landmark to `S`, the others here.
   void Add(const LandmarkRows& rows, Eigen::MatrixXd* S) {
     const Eigen::MatrixXd square = rows.J.transpose() * rows.J;
-    const Eigen::MatrixXd cross = rows.J.transpose() * rows.J_landmark;
+    const Eigen::MatrixXd cross = rows.J_landmark.transpose() * rows.J;
     V_ += rows.J_landmark.transpose() * rows.J_landmark;
-    const auto count = static_cast<Eigen::Index>(rows.columns.size());
-    for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index i = 0; i < std::ssize(rows.columns); ++i) {
       const int column = rows.columns[static_cast<size_t>(i)];
-      W_.row(PlaceOf(column)) += cross.row(i);
+      if (!touched_[static_cast<size_t>(column)]) {
+        touched_[static_cast<size_t>(column)] = true;
+        columns_.push_back(column);
+        W_.col(column).setZero();
+      }
+      W_.col(column) += cross.col(i);
       for (Eigen::Index j = 0; j <= i; ++j) {
         const auto [low, high] = std::minmax(column, rows.columns[static_cast<size_t>(j)]);
         (*S)(high, low) += square(i, j);
@@ -55,44 +59,27 @@ class LandmarkSums {
   // S -= W V^-1 W'
   void Eliminate(Eigen::MatrixXd* S) {
     const Eigen::LLT<Eigen::Matrix3d> factor(V_);
-    if (factor.info() != Eigen::Success || columns_.empty()) return;
-    const auto count = static_cast<Eigen::Index>(columns_.size());
-    const Eigen::MatrixXd half =
-        factor.matrixL().solve(W_.topRows(count).transpose());  // 3 x count
-    std::vector<Eigen::Index> order(columns_.size());
-    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<Eigen::Index>(i);
-    std::ranges::sort(order, {}, [&](Eigen::Index i) { return columns_[static_cast<size_t>(i)]; });
-    for (size_t j = 0; j < order.size(); ++j) {
-      const Eigen::Vector3d column = half.col(order[j]);
-      double* const out = &(*S)(0, columns_[static_cast<size_t>(order[j])]);
-      for (size_t i = j; i < order.size(); ++i) {
-        out[columns_[static_cast<size_t>(order[i])]] -= half.col(order[i]).dot(column);
+    if (factor.info() != Eigen::Success) return;
+    std::ranges::sort(columns_);
+    for (const int column : columns_) factor.matrixL().solveInPlace(W_.col(column));
+    for (size_t j = 0; j < columns_.size(); ++j) {
+      double* const out = &(*S)(0, columns_[j]);
+      for (size_t i = j; i < columns_.size(); ++i) {
+        out[columns_[i]] -= W_.col(columns_[i]).dot(W_.col(columns_[j]));
       }
     }
   }
   // For a landmark that stays, at `index` of S.
   void Keep(int index, Eigen::MatrixXd* S) const {
     S->block<3, 3>(index, index) += V_;
-    for (size_t i = 0; i < columns_.size(); ++i) {
-      S->block<3, 1>(index, columns_[i]) += W_.row(static_cast<Eigen::Index>(i)).transpose();
-    }
+    for (const int column : columns_) S->block<3, 1>(index, column) += W_.col(column);
   }
 
  private:
-  Eigen::Index PlaceOf(int column) {
-    int& place = place_[static_cast<size_t>(column)];
-    if (place < 0) {
-      place = static_cast<int>(columns_.size());
-      columns_.push_back(column);
-      if (W_.rows() <= place) W_.conservativeResizeLike(Eigen::MatrixXd::Zero(2 * place + 32, 3));
-    }
-    return place;
-  }
-
-  std::vector<int> place_;    // of a global column in W_; -1: not touched
-  std::vector<int> columns_;  // the global columns
   Eigen::Matrix3d V_ = Eigen::Matrix3d::Zero();
-  Eigen::MatrixXd W_ = Eigen::MatrixXd::Zero(32, 3);
+  Eigen::Matrix<double, 3, Eigen::Dynamic> W_;  // of all unknowns; valid where touched
+  std::vector<bool> touched_;
+  std::vector<int> columns_;  // that are
 };
 
 class LandmarkReduction {
@@ -122,11 +109,12 @@ class LandmarkReduction {
       system_.pose.push_back(free ? std::exchange(next, next + 6) : -1);
     }
     system_.landmark.assign(bundle.markers.size(), -1);
-    distances_ = internal::RowsOfDistances(
-        bundle, [&](int m) { return !by_landmark_[static_cast<size_t>(m)].empty(); });
-    for (const internal::DistanceRows& rows : distances_) {
-      for (const int m : rows.Markers()) {
-        int& index = system_.landmark[static_cast<size_t>(m)];
+    const auto observed_landmark = [&](int m) {
+      return by_landmark_[static_cast<size_t>(m)].empty() ? -1 : 3 * m;
+    };
+    for (const internal::SparseRow& row : internal::RowsOfDistances(bundle, observed_landmark)) {
+      for (const auto& [unknown, derivative] : row.J) {
+        int& index = system_.landmark[static_cast<size_t>(unknown / 3)];
         if (index < 0) index = std::exchange(next, next + 3);
       }
     }
@@ -134,7 +122,7 @@ class LandmarkReduction {
   }
 
   PoseSystem Run() {
-    LandmarkSums sums(static_cast<size_t>(system_.Size()));
+    LandmarkSums sums(system_.Size());
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
       if (by_landmark_[m].empty()) continue;
       sums.Clear();
@@ -145,7 +133,8 @@ class LandmarkReduction {
         sums.Keep(system_.landmark[m], &system_.information);
       }
     }
-    AddDistances();
+    const auto index = [&](int m) { return system_.landmark[static_cast<size_t>(m)]; };
+    AddInformation(internal::RowsOfDistances(bundle_, index), &system_.information);
     AddInformation(internal::RowsOfCalibrationPrior(bundle_, layout_), &system_.information);
     return std::move(system_);
   }
@@ -202,55 +191,24 @@ class LandmarkReduction {
 
   // Sets `rows_`. `pose`: index of the frame's pose, or -1.
   void SetRows(const internal::MarkerRows& of_view, size_t c, int pose) {
-    const std::vector<int>& params = layout_.params[c];
     rows_.columns.clear();
-    rows_.J.resize(of_view.Count(), static_cast<Eigen::Index>(params.size()) + 12);
-    const auto add = [&](int column, const auto& J) {
-      rows_.J.col(std::ssize(rows_.columns)) = J;
-      rows_.columns.push_back(column);
+    rows_.J.resize(of_view.Count(), std::ssize(layout_.params[c]) + 12);
+    const auto add = [&](int first, const auto& by) {
+      if (by.isZero(0)) return;  // of local models nearly all
+      rows_.J.middleCols(std::ssize(rows_.columns), by.cols()) = by;
+      for (int i = 0; i < by.cols(); ++i) rows_.columns.push_back(first + i);
     };
-    for (size_t k = 0; k < params.size(); ++k) {
-      const auto column = of_view.Params().col(static_cast<Eigen::Index>(k));
-      const bool local = bundle_.cameras[c].model->support_size > 0;
-      if (params[k] < 0 || (local && column.isZero(0))) continue;
-      add(params[k], column);
-    }
-    const int extrinsics = layout_.extrinsics[c];
-    for (int i = 0; extrinsics >= 0 && i < 6; ++i) add(extrinsics + i, of_view.Extrinsics().col(i));
-    for (int i = 0; pose >= 0 && i < 6; ++i) add(pose + i, of_view.Pose().col(i));
+    internal::ForEachDerivative(bundle_, layout_, c, of_view, add);
+    if (pose >= 0) add(pose, of_view.Pose());
     rows_.J.conservativeResize(Eigen::NoChange, std::ssize(rows_.columns));
     rows_.J_landmark = of_view.Position();
     rows_.residual = of_view.Residual();
-  }
-
-  void AddDistances() {
-    for (const internal::DistanceRows& rows : distances_) {
-      std::vector<Eigen::Vector3d> positions;
-      std::vector<int> columns;
-      for (const int m : rows.Markers()) {
-        positions.push_back(bundle_.markers[static_cast<size_t>(m)].position);
-        const int first = system_.landmark[static_cast<size_t>(m)];
-        for (int i = 0; i < 3; ++i) columns.push_back(first + i);
-      }
-      Eigen::VectorXd residual;
-      Eigen::MatrixXd J;
-      if (!rows.Evaluate(positions, &residual, &J)) continue;
-      const Eigen::MatrixXd square = J.transpose() * J;
-      for (size_t i = 0; i < columns.size(); ++i) {
-        for (size_t j = 0; j < columns.size(); ++j) {
-          if (columns[i] < columns[j]) continue;  // the lower half alone is used
-          system_.information(columns[i], columns[j]) +=
-              square(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-        }
-      }
-    }
   }
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
   // Used observations of each landmark, those of a view together.
   std::vector<std::vector<std::span<const BundleObservation>>> by_landmark_;
-  std::vector<internal::DistanceRows> distances_;
   PoseSystem system_;
   std::vector<internal::MarkerRows> rows_of_camera_;
   LandmarkRows rows_;
@@ -297,7 +255,7 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
   }
   double shared = 6 * static_cast<double>(frames.size()) - (bundle.fixed_frame ? 6 : 0) +
                   3 * static_cast<double>(landmarks.size());
-  for (const auto& group : bundle.DistanceGroups()) shared -= static_cast<double>(group.size());
+  shared -= static_cast<double>(bundle.distances.size()) + (bundle.scale_distance ? 1 : 0);
   double all = 0;
   for (const double count : coordinates) all += count;
   const UnknownLayout layout = internal::MakeLayout(bundle);

@@ -24,9 +24,10 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
     Matrix6d seen = view.charts.pose * pose * view.charts.pose.transpose();
     if (bundle.EstimatesJitter()) {
       const Matrix6d jitter = states.Covariance(view.jitter, view.jitter);
-      const Matrix6d cross =
-          view.charts.jitter * states.Covariance(view.jitter, view.pose) * view.charts.pose.transpose();
-      seen += view.charts.jitter * jitter * view.charts.jitter.transpose() + cross + cross.transpose();
+      const Matrix6d cross = view.charts.jitter * states.Covariance(view.jitter, view.pose) *
+                             view.charts.pose.transpose();
+      seen +=
+          view.charts.jitter * jitter * view.charts.jitter.transpose() + cross + cross.transpose();
       const size_t index = bundle.View(view.frame, view.camera);
       if (!bundle.jitter.misplaced[index]) {
         const Matrix6d& W = objective.jitter_weights[index];

@@ -2,348 +2,361 @@
 #include "calib/adjust/all_unknowns/minimise.h"
 
 #include <ceres/ceres.h>
-#include <ceres/normal_prior.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <memory>
 #include <optional>
+#include <span>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
-#include "calib/adjust/all_unknowns/costs.h"
-#include "calib/adjust/all_unknowns/parameter_blocks.h"
 #include "calib/adjust/layout.h"
+#include "calib/adjust/priors.h"
+#include "calib/adjust/rows.h"
+#include "calib/kernels/row_products.h"
 
 namespace plenocal::internal {
 namespace {
 
 // Above this many unknowns a dense reduced system costs more than a sparse one. Where landmarks
 // are eliminated, few poses have none in common.
-constexpr size_t kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
+constexpr int kMaxDenseUnknowns = 3000, kMaxDensePoses = 7000;
 
 // Below rounding: `AdjustOptions::cost_tolerance` decides.
 constexpr double kGradientTolerance = 1e-14, kStepTolerance = 1e-13;
 
-class IterationReport : public ceres::IterationCallback {
- public:
-  explicit IterationReport(const AdjustOptions& options) : options_(options) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    if (!options_.on_iteration) return ceres::SOLVER_CONTINUE;
-    return options_.on_iteration(summary.iteration, summary.cost) ? ceres::SOLVER_CONTINUE
-                                                                  : ceres::SOLVER_ABORT;
-  }
-
- private:
-  const AdjustOptions& options_;
+// Unknowns that are one parameter block of Ceres.
+struct Block {
+  int first = 0, size = 0;
+  bool ends_in_chart = false;  // a pose's, about its value at the start
+  bool is_used = false;
+  bool is_shared = false;  // a prior's row ties it to another
+  double* J = nullptr;     // derivatives of the rows that are evaluated at the time, row by row
 };
 
-size_t CountTrue(const std::vector<bool>& flags) {
-  return static_cast<size_t>(std::count(flags.begin(), flags.end(), true));
-}
-
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-// The solver's problem for one bundle.
-class AdjustProblem {
+// Rows that depend on some blocks.
+class BlockCost : public ceres::CostFunction {
  public:
-  AdjustProblem(const AdjustOptions& options, Bundle* bundle)
-      : bundle_(*bundle),
-        options_(options),
-        unknowns_(*bundle),
-        write_(unknowns_, bundle),
-        problem_(ProblemOptions()),
-        marker_block_used_(unknowns_.MarkerBlocks(), false),
-        camera_used_(CamerasWithData(*bundle)),
-        view_used_(bundle->jitter.delta.size(), false),
-        frame_used_(bundle->T_rig_target.size(), false),
-        target_used_(bundle->targets.size(), false),
-        has_distance_(unknowns_.MarkerBlocks(), false) {
-    for (const BundleCamera& camera : bundle->cameras) rows_.emplace_back(camera);
-    FindUsed();
-    AddParamPriors();
-    AddCalibrationPrior();
-    AddObservations();
-    AddJitterPriors();
-    AddMarkerPriors();
-    AddDistances();
-    HoldFrame();
+  // Writes residuals, and by `derive` what differs from zero of `Block::J`, in charts about present
+  // values; false outside the domain of a model.
+  using Rows = std::function<bool(double* residuals, bool derive)>;
+
+  BlockCost(int count, std::vector<Block*> blocks, Rows rows)
+      : blocks_(std::move(blocks)), rows_(std::move(rows)) {
+    set_num_residuals(count);
+    for (const Block* block : blocks_) mutable_parameter_block_sizes()->push_back(block->size);
   }
 
-  /// Leaves the bundle as it is if the result is not usable.
-  AdjustSummary Solve();
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    if (jacobians == nullptr) return rows_(residuals, false);
+    for (size_t b = 0; b < blocks_.size(); ++b) {
+      blocks_[b]->J = jacobians[b];  // no block is constant
+      std::fill_n(jacobians[b], num_residuals() * blocks_[b]->size, 0.0);
+    }
+    if (!rows_(residuals, true)) return false;
+    for (size_t b = 0; b < blocks_.size(); ++b) {
+      if (!blocks_[b]->ends_in_chart) continue;
+      const int size = blocks_[b]->size;
+      const Eigen::Map<const Eigen::Vector3d> rotation(parameters[b] + size - 3);
+      auto J = Eigen::Map<RowMajorMatrix>(jacobians[b], num_residuals(), size).rightCols<3>();
+      J = (J * LeftJacobian(rotation)).eval();
+    }
+    return true;
+  }
 
  private:
-  ceres::Problem::Options ProblemOptions() {
-    ceres::Problem::Options options;
-    options.enable_fast_removal = false;
-    options.disable_all_safety_checks = true;
-    options.evaluation_callback = &write_;
-    return options;
+  std::vector<Block*> blocks_;
+  Rows rows_;
+};
+
+// A bundle as a function of all its unknowns: first those of a layout, which has landmarks as well,
+// then six for the pose of each frame and for the jitter of each view. Parameters are themselves,
+// all others changes from the start.
+class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCallback {
+ public:
+  AllUnknowns(const AdjustOptions& options, Bundle* bundle);
+
+  // Leaves the bundle as it is if the result is not usable.
+  void Solve(AdjustSummary* summary);
+
+  void PrepareForEvaluation(bool /*evaluate_jacobians*/, bool new_evaluation_point) override {
+    if (new_evaluation_point) SetBundle();
+  }
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    return !options_.on_iteration || options_.on_iteration(summary.iteration, summary.cost)
+               ? ceres::SOLVER_CONTINUE
+               : ceres::SOLVER_ABORT;
   }
 
-  void FindUsed();
-  void AddObservations();
-  // Observations of one view and one block of markers.
-  void AddGroup(std::span<const BundleObservation> group);
-  void AddJitterPriors();
-  void AddParamPriors();
-  void AddMarkerPriors();
-  void AddDistances();
-  void AddCalibrationPrior();
-  void HoldFrame();
-  // Lets the solver estimate the parameters of a block that are not fixed, within their bounds.
-  void EstimateFree(const IntrinsicsBlock& block);
-  // Fixes parameters that have come to a bound, along which Ceres converges slowly; false where
-  // there is none.
-  bool FixAtBounds();
-  [[nodiscard]] bool EliminatesMarkersFirst() const;
-  [[nodiscard]] size_t DenseUnknowns() const;
-  [[nodiscard]] ceres::ParameterBlockOrdering Ordering();
-  [[nodiscard]] ceres::Solver::Options SolverOptions() const;
+ private:
+  [[nodiscard]] int Pose(size_t frame) const { return layout_.total + 6 * static_cast<int>(frame); }
+  [[nodiscard]] int Jitter(size_t view) const { return Pose(start_.T_rig_target.size() + view); }
+  [[nodiscard]] bool IsUsed(int unknown) const { return BlockOf(unknown).is_used; }
+  [[nodiscard]] const Block& BlockOf(int unknown) const {
+    return blocks_[block_of_[static_cast<size_t>(unknown)]];
+  }
+  // The blocks of those that are not -1, each once.
+  [[nodiscard]] std::vector<Block*> BlocksOf(const std::vector<int>& unknowns);
+  // Derivatives of `rows` rows, evaluated at the time, by unknowns from `first` on.
+  template <int columns>
+  auto J(int first, Eigen::Index rows) {
+    const Block& block = BlockOf(first);
+    return Eigen::Map<RowMajorMatrix>(block.J, rows, block.size)
+        .middleCols<columns>(first - block.first);
+  }
+
+  void MakeBlocks();
+  void AddCost(int count, const std::vector<Block*>& blocks, BlockCost::Rows rows);
+  // Rows of one marker in one view.
+  void AddMarker(std::span<const BundleObservation> observations, std::vector<Block*> blocks);
+  bool SetMarker(std::span<const BundleObservation> observations, double* residuals, bool derive);
+  [[nodiscard]] std::vector<SparseRow> Priors() const;
+  // Sets the bundle to `x_`.
+  void SetBundle();
+  [[nodiscard]] int CountUsed(int begin, int end) const;
+  [[nodiscard]] ceres::Solver::Options SolverOptions();
 
   Bundle& bundle_;
+  const BundleState start_;
   const AdjustOptions& options_;
-  Unknowns unknowns_;
-  WriteUnknowns write_;
-  std::vector<RowMemory> rows_;  // per camera
-  ceres::Problem problem_;
-  std::vector<bool> marker_block_used_, camera_used_, view_used_, frame_used_, target_used_;
-  std::vector<bool> has_distance_;  // per marker block: shares a residual with another
-  std::vector<IntrinsicsBlock*> blocks_used_;
+  const std::vector<bool> has_data_;  // per camera
+  UnknownLayout layout_;
+  std::vector<Block> blocks_;
+  std::vector<size_t> block_of_;  // per unknown
+  Eigen::VectorXd x_, x_start_;
+  std::vector<MarkerRows> residuals_, derivatives_;  // per camera
+  bool within_domain_ = false;                       // at `x_`
+  std::vector<SparseRow> priors_;                    // likewise
+  std::optional<ceres::Problem> problem_;
 };
 
-void AdjustProblem::FindUsed() {
-  const auto per_block = static_cast<size_t>(MarkersPerBlock(bundle_));
-  for (const BundleObservation& observation : bundle_.observations) {
-    if (!observation.used) continue;
-    const auto frame = static_cast<size_t>(observation.frame);
-    const auto camera = static_cast<size_t>(observation.camera);
-    frame_used_[frame] = true;
-    if (bundle_.EstimatesJitter()) view_used_[bundle_.View(frame, camera)] = true;
-    if (bundle_.EstimatesMarkers()) {
-      marker_block_used_[static_cast<size_t>(observation.marker) / per_block] = true;
-    }
-    const std::optional<size_t> target = bundle_.FreeTarget(observation.marker);
-    if (target) target_used_[*target] = true;
+AllUnknowns::AllUnknowns(const AdjustOptions& options, Bundle* bundle)
+    : bundle_(*bundle),
+      start_(*bundle),
+      options_(options),
+      has_data_(CamerasWithData(*bundle)),
+      layout_(MakeLayout(*bundle, true)) {
+  layout_.markers = bundle->EstimatesMarkers();
+  layout_.total = layout_.markers ? layout_.Marker(static_cast<int>(std::ssize(bundle->markers)))
+                                  : layout_.head;
+  MakeBlocks();
+  x_start_ = Eigen::VectorXd::Zero(std::ssize(block_of_));
+  x_start_.head(layout_.head) = Values(layout_, *bundle);
+  x_ = x_start_;
+  ceres::Problem::Options problem;
+  problem.disable_all_safety_checks = true;
+  problem.evaluation_callback = this;
+  problem_.emplace(problem);
+  std::vector<std::vector<Block*>> of_cameras;
+  for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+    residuals_.emplace_back(bundle->cameras[c], RowColumns{});
+    derivatives_.emplace_back(
+        bundle->cameras[c],
+        RowColumns{.params = true, .extrinsics = true, .pose = true, .marker = true});
+    std::vector<int> unknowns = layout_.params[c];
+    unknowns.push_back(layout_.extrinsics[c]);
+    of_cameras.push_back(BlocksOf(unknowns));
   }
-}
-
-void AdjustProblem::AddObservations() {
-  const std::span<const BundleObservation> observations = bundle_.observations;
-  const int per_block = MarkersPerBlock(bundle_);
+  const std::span<const BundleObservation> observations = bundle->observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
-    const BundleObservation& first = observations[begin];
-    bool any = false;
-    for (; end < observations.size(); ++end) {
-      const BundleObservation& next = observations[end];
-      if (next.frame != first.frame || next.camera != first.camera ||
-          next.marker / per_block != first.marker / per_block ||
-          bundle_.FreeTarget(next.marker) != bundle_.FreeTarget(first.marker)) {
-        break;
+    end = EndOfMarker(bundle->observations, begin);
+    AddMarker(observations.subspan(begin, end - begin),
+              of_cameras[static_cast<size_t>(observations[begin].camera)]);
+  }
+  priors_ = Priors();
+  for (size_t i = 0; i < priors_.size(); ++i) {
+    std::vector<int> unknowns;
+    for (const auto& [unknown, derivative] : priors_[i].J) unknowns.push_back(unknown);
+    const std::vector<Block*> blocks = BlocksOf(unknowns);
+    for (Block* block : blocks) block->is_shared |= blocks.size() > 1;
+    AddCost(1, blocks, [this, i](double* residuals, bool derive) {
+      residuals[0] = priors_[i].residual;
+      for (const auto& [unknown, derivative] : priors_[i].J) {
+        if (derive) J<1>(unknown, 1)(0, 0) += derivative;
       }
-      any |= next.used;
+      return std::isfinite(residuals[0]);
+    });
+  }
+}
+
+void AllUnknowns::MakeBlocks() {
+  const auto add = [&](int size, bool ends_in_chart) {
+    if (size == 0) return;
+    const int first = static_cast<int>(std::ssize(block_of_));
+    block_of_.insert(block_of_.end(), static_cast<size_t>(size), blocks_.size());
+    blocks_.push_back({.first = first, .size = size, .ends_in_chart = ends_in_chart});
+  };
+  for (size_t c = 0; c < start_.cameras.size(); ++c) {
+    const bool extrinsics = layout_.extrinsics[c] >= 0;
+    int size = extrinsics ? 6 : 0;
+    for (size_t k = 0; k < layout_.params[c].size(); ++k) {
+      if (layout_.params[c][k] >= 0 && start_.Root(c, k) == ParamIndex{c, k}) ++size;
     }
-    if (any) AddGroup(observations.subspan(begin, end - begin));
+    add(size, extrinsics);
   }
+  for (const int target : layout_.targets) add(target >= 0 ? 6 : 0, true);
+  for (int m = layout_.head; m < layout_.total; m += UnknownLayout::kOfMarker) {
+    add(UnknownLayout::kOfMarker, false);
+  }
+  for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) add(6, true);
+  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) add(6, false);
 }
 
-void AdjustProblem::AddGroup(std::span<const BundleObservation> group) {
-  const auto frame = static_cast<size_t>(group[0].frame);
-  const auto camera = static_cast<size_t>(group[0].camera);
-  const auto marker_block = static_cast<size_t>(group[0].marker / MarkersPerBlock(bundle_));
-  const ViewUnknowns view{
-      .intrinsics = &unknowns_.intrinsics[camera],
-      .extrinsics = bundle_.cameras[camera].is_master ? nullptr : &unknowns_.extrinsics[camera],
-      .pose = &unknowns_.poses[frame],
-      .target = bundle_.FreeTarget(group[0].marker)};
-  std::vector<double*> blocks{view.intrinsics->block->values};
-  if (view.extrinsics != nullptr) blocks.push_back(view.extrinsics->delta);
-  blocks.push_back(view.pose->delta);
-  if (bundle_.EstimatesJitter()) {
-    blocks.push_back(unknowns_.Jitter(bundle_.View(frame, camera)));
+std::vector<Block*> AllUnknowns::BlocksOf(const std::vector<int>& unknowns) {
+  std::vector<Block*> blocks;
+  for (const int unknown : unknowns) {
+    if (unknown >= 0) blocks.push_back(&blocks_[block_of_[static_cast<size_t>(unknown)]]);
   }
-  if (view.target) blocks.push_back(unknowns_.targets[*view.target].delta);
-  if (bundle_.EstimatesMarkers()) blocks.push_back(unknowns_.MarkerBlock(marker_block));
-  problem_.AddResidualBlock(
-      new ViewCost(
-          bundle_, unknowns_, view, group, {options_.loss, options_.loss_width}, &rows_[camera]),
-      nullptr,
-      blocks);
+  std::ranges::sort(blocks);
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  return blocks;
 }
 
-void AdjustProblem::AddJitterPriors() {
-  if (!bundle_.EstimatesJitter()) return;
-  for (size_t frame = 0; frame < frame_used_.size(); ++frame) {
-    for (size_t c = 0; frame_used_[frame] && c < bundle_.cameras.size(); ++c) {
-      const size_t view = bundle_.View(frame, c);
-      if (!view_used_[view]) continue;
-      problem_.AddResidualBlock(
-          new ceres::NormalPrior(JitterWeight(bundle_, frame, c), Vector6d::Zero()),
-          nullptr,
-          unknowns_.Jitter(view));
+void AllUnknowns::AddCost(int count, const std::vector<Block*>& blocks, BlockCost::Rows rows) {
+  std::vector<double*> parameters;
+  for (Block* block : blocks) {
+    block->is_used = true;
+    parameters.push_back(x_.data() + block->first);
+  }
+  problem_->AddResidualBlock(new BlockCost(count, blocks, std::move(rows)), nullptr, parameters);
+}
+
+void AllUnknowns::AddMarker(std::span<const BundleObservation> observations,
+                            std::vector<Block*> blocks) {
+  const auto used = std::ranges::count(observations, true, &BundleObservation::used);
+  if (used == 0) return;
+  const BundleObservation& first = observations[0];
+  const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
+  std::vector<int> unknowns;
+  if (start_.fixed_frame != frame) unknowns.push_back(Pose(frame));
+  if (start_.EstimatesJitter()) unknowns.push_back(Jitter(start_.View(frame, c)));
+  if (const auto target = start_.FreeTarget(first.marker)) {
+    unknowns.push_back(layout_.targets[*target]);
+  }
+  if (layout_.markers) unknowns.push_back(layout_.Marker(first.marker));
+  std::ranges::copy(BlocksOf(unknowns), std::back_inserter(blocks));
+  AddCost(static_cast<int>(used * std::ssize(start_.cameras[c].model->measured)),
+          blocks,
+          [this, observations](double* residuals, bool derive) {
+            return SetMarker(observations, residuals, derive);
+          });
+}
+
+bool AllUnknowns::SetMarker(std::span<const BundleObservation> observations,
+                            double* residuals,
+                            bool derive) {
+  if (!within_domain_) return false;
+  const BundleObservation& first = observations[0];
+  const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
+  MarkerRows& rows = (derive ? derivatives_ : residuals_)[c];
+  if (!rows.Load(ViewOf(bundle_, frame, c),
+                 bundle_.markers[static_cast<size_t>(first.marker)].position,
+                 observations,
+                 {options_.loss, options_.loss_width})) {
+    return false;
+  }
+  const Eigen::Index count = rows.Count();
+  Eigen::Map<Eigen::VectorXd>(residuals, count) = rows.Residual();
+  if (!derive) return true;
+  ForEachDerivative(bundle_, layout_, c, rows, [&](int unknown, const auto& by) {
+    J<std::decay_t<decltype(by)>::ColsAtCompileTime>(unknown, count) += by;
+  });
+  const ViewCharts charts = ChartsOf(bundle_, frame, c);
+  if (start_.fixed_frame != frame) J<6>(Pose(frame), count) = rows.Pose() * charts.pose;
+  if (start_.EstimatesJitter()) {
+    J<6>(Jitter(start_.View(frame, c)), count) = rows.Pose() * charts.jitter;
+  }
+  const auto target = start_.FreeTarget(first.marker);
+  if (target && layout_.markers) {
+    // Markers are where they were at the start before the target has moved.
+    auto of_marker = J<3>(layout_.Marker(first.marker), count);
+    of_marker = (of_marker * bundle_.targets[*target].T_target_own.R *
+                 start_.targets[*target].T_target_own.R.transpose())
+                    .eval();
+  }
+  return true;
+}
+
+// Of used blocks, so that they are the same ones at each point.
+std::vector<SparseRow> AllUnknowns::Priors() const {
+  std::vector<SparseRow> rows = RowsOfPriors(bundle_, layout_);
+  const auto position = [&](int marker) {
+    const int first = layout_.Marker(marker);
+    return IsUsed(first) ? first : -1;
+  };
+  std::ranges::move(RowsOfDistances(bundle_, position), std::back_inserter(rows));
+  const auto add = [&](int first, const auto& weight, const auto& value) {
+    const auto residual = (weight * value).eval();
+    for (Eigen::Index r = 0; IsUsed(first) && r < residual.size(); ++r) {
+      rows.push_back({.J = {}, .residual = residual[r]});
+      for (int i = 0; i < residual.size(); ++i) rows.back().J.emplace_back(first + i, weight(r, i));
     }
+  };
+  for (size_t m = 0; start_.marker_freedom.HasTolerance() && m < start_.markers.size(); ++m) {
+    const int first = layout_.Marker(static_cast<int>(m));
+    const BundleMarker& marker = start_.markers[m];
+    add(first,
+        Eigen::Matrix3d(Eigen::Matrix3d::Identity() / start_.marker_freedom.Sigma()),
+        Eigen::Vector3d(marker.position + x_.segment<3>(first) - marker.nominal));
   }
+  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
+    const size_t frame = view / start_.cameras.size(), c = view % start_.cameras.size();
+    add(Jitter(view), JitterWeight(start_, frame, c), bundle_.jitter.delta[view]);
+  }
+  return rows;
 }
 
-void AdjustProblem::AddParamPriors() {
-  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-    if (!camera_used_[c]) continue;
-    IntrinsicsBlock& block = *unknowns_.intrinsics[c].block;
-    if (std::find(blocks_used_.begin(), blocks_used_.end(), &block) != blocks_used_.end()) continue;
-    blocks_used_.push_back(&block);
-    for (const SlotPrior& prior : block.priors) {
-      Matrix A = Matrix::Zero(1, static_cast<Eigen::Index>(block.Size()));
-      for (const auto& [slot, weight] : prior.terms) {
-        A(0, static_cast<Eigen::Index>(slot)) += weight / prior.sigma;
-      }
-      const Eigen::VectorXd b = prior.value / (prior.sigma * A.squaredNorm()) * A.transpose();
-      problem_.AddResidualBlock(new ceres::NormalPrior(A, b), nullptr, block.values);
-    }
+void AllUnknowns::SetBundle() {
+  static_cast<BundleState&>(bundle_) = start_;
+  const Eigen::VectorXd step = x_ - x_start_;
+  Move(layout_, step, &bundle_);
+  for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) {
+    RigidTransform& T_rig_target = bundle_.T_rig_target[frame];
+    T_rig_target = Retract(T_rig_target, step.segment<6>(Pose(frame)));
   }
+  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
+    bundle_.jitter.delta[view] += step.segment<6>(Jitter(view));
+  }
+  within_domain_ = WithinDomain(bundle_, has_data_);
+  priors_ = Priors();
 }
 
-void AdjustProblem::AddMarkerPriors() {
-  if (bundle_.HasLandmarks()) return;
-  const size_t block_size = unknowns_.marker_block_size, per_block = block_size / 3;
-  for (size_t block = 0; block < marker_block_used_.size(); ++block) {
-    if (!marker_block_used_[block]) continue;
-    const size_t in_block = std::min(per_block, bundle_.markers.size() - block * per_block);
-    const Eigen::Map<const Eigen::VectorXd> nominal(
-        unknowns_.nominal_markers.data() + block * block_size,
-        static_cast<Eigen::Index>(block_size));
-    problem_.AddResidualBlock(
-        new ceres::NormalPrior(
-            Matrix(Matrix::Identity(static_cast<Eigen::Index>(3 * in_block), nominal.size()) /
-                   bundle_.marker_freedom.Sigma()),
-            nominal),
-        nullptr,
-        unknowns_.MarkerBlock(block));
-    if (in_block == per_block) continue;
-    std::vector<int> spare;
-    for (size_t i = 3 * in_block; i < block_size; ++i) spare.push_back(static_cast<int>(i));
-    problem_.SetManifold(unknowns_.MarkerBlock(block),
-                         new ceres::SubsetManifold(static_cast<int>(block_size), spare));
+int AllUnknowns::CountUsed(int begin, int end) const {
+  int count = 0;
+  for (const Block& block : blocks_) {
+    if (block.is_used && block.first >= begin && block.first < end) count += block.size;
   }
+  return count;
 }
 
-void AdjustProblem::AddDistances() {
-  const auto used = [&](int marker) { return marker_block_used_[static_cast<size_t>(marker)]; };
-  for (const DistanceRows& rows : RowsOfDistances(bundle_, used)) {
-    std::vector<double*> blocks;
-    for (const int marker : rows.Markers()) {
-      has_distance_[static_cast<size_t>(marker)] = true;
-      blocks.push_back(unknowns_.MarkerBlock(static_cast<size_t>(marker)));
-    }
-    problem_.AddResidualBlock(new DistanceCost(rows), nullptr, blocks);
+ceres::Solver::Options AllUnknowns::SolverOptions() {
+  // The blocks that are eliminated first must not share residuals: the jitter of the views when
+  // there is any, else the poses; or the markers, where they are more unknowns. The rest is small
+  // and dense.
+  const int end = static_cast<int>(x_.size());
+  std::pair eliminated =
+      start_.EstimatesJitter() ? std::pair{Jitter(0), end} : std::pair{Pose(0), Jitter(0)};
+  if (CountUsed(layout_.head, layout_.total) > CountUsed(eliminated.first, eliminated.second)) {
+    eliminated = {layout_.head, layout_.total};
   }
-}
-
-// Cameras without used observations keep the prior's values, since nothing moves them.
-void AdjustProblem::AddCalibrationPrior() {
-  if (!bundle_.prior) return;
-  auto* const cost = new CalibrationPriorCost(bundle_, unknowns_);
-  problem_.AddResidualBlock(cost, nullptr, cost->Blocks());
-  for (const CalibrationPrior::Unknown& unknown : bundle_.prior->unknowns) {
-    camera_used_[unknown.camera] = true;
-    IntrinsicsBlock* const block = unknowns_.intrinsics[unknown.camera].block;
-    if (!unknown.param || std::ranges::find(blocks_used_, block) != blocks_used_.end()) continue;
-    blocks_used_.push_back(block);
-  }
-}
-
-void AdjustProblem::HoldFrame() {
-  if (!bundle_.fixed_frame || !frame_used_[*bundle_.fixed_frame]) return;
-  problem_.SetParameterBlockConstant(unknowns_.poses[*bundle_.fixed_frame].delta);
-}
-
-void AdjustProblem::EstimateFree(const IntrinsicsBlock& block) {
-  std::vector<int> fixed;
-  for (size_t slot = 0; slot < block.Size(); ++slot) {
-    const int i = static_cast<int>(slot);
-    if (block.fixed[slot]) {
-      fixed.push_back(i);
-      continue;
-    }
-    if (std::isfinite(block.lower[slot])) {
-      problem_.SetParameterLowerBound(block.values, i, block.lower[slot]);
-    }
-    if (std::isfinite(block.upper[slot])) {
-      problem_.SetParameterUpperBound(block.values, i, block.upper[slot]);
-    }
-  }
-  if (fixed.size() == block.Size()) {
-    problem_.SetParameterBlockConstant(block.values);
-  } else if (!fixed.empty()) {
-    problem_.SetManifold(block.values,
-                         new ceres::SubsetManifold(static_cast<int>(block.Size()), fixed));
-  }
-}
-
-bool AdjustProblem::FixAtBounds() {
-  bool any = false;
-  for (IntrinsicsBlock* block : blocks_used_) {
-    for (size_t slot = 0; slot < block->Size(); ++slot) {
-      const double value = block->values[slot];
-      if (block->fixed[slot] || (value > block->lower[slot] && value < block->upper[slot]))
-        continue;
-      block->fixed[slot] = any = true;
-    }
-  }
-  return any;
-}
-
-// The blocks that are eliminated first must not share residuals: the jitter of the views when there
-// is any, else the poses; or the markers, where they are more unknowns. The rest is small and
-// dense.
-bool AdjustProblem::EliminatesMarkersFirst() const {
-  const size_t views = 6 * CountTrue(bundle_.EstimatesJitter() ? view_used_ : frame_used_);
-  return unknowns_.marker_block_size * CountTrue(marker_block_used_) > views;
-}
-
-size_t AdjustProblem::DenseUnknowns() const {
-  const size_t poses = 6 * CountTrue(frame_used_), jitter = 6 * CountTrue(view_used_);
-  const size_t markers = unknowns_.marker_block_size * CountTrue(marker_block_used_);
-  const size_t eliminated =
-      EliminatesMarkersFirst() ? markers : (bundle_.EstimatesJitter() ? jitter : poses);
-  size_t dense = poses + jitter + markers - eliminated + 6 * CountTrue(camera_used_) +
-                 6 * CountTrue(target_used_);
-  for (const IntrinsicsBlock* block : blocks_used_) dense += block->Size();
-  return dense;
-}
-
-ceres::ParameterBlockOrdering AdjustProblem::Ordering() {
-  const bool markers_first = EliminatesMarkersFirst(), jitter = bundle_.EstimatesJitter();
-  ceres::ParameterBlockOrdering ordering;
-  for (size_t frame = 0; frame < frame_used_.size(); ++frame) {
-    if (!frame_used_[frame]) continue;
-    ordering.AddElementToGroup(unknowns_.poses[frame].delta, jitter || markers_first ? 1 : 0);
-  }
-  for (size_t view = 0; view < view_used_.size(); ++view) {
-    if (!view_used_[view]) continue;
-    ordering.AddElementToGroup(unknowns_.Jitter(view), markers_first ? 1 : 0);
-  }
-  for (const IntrinsicsBlock* block : blocks_used_) ordering.AddElementToGroup(block->values, 1);
-  for (size_t c = 0; c < camera_used_.size(); ++c) {
-    if (!camera_used_[c] || bundle_.cameras[c].is_master) continue;
-    ordering.AddElementToGroup(unknowns_.extrinsics[c].delta, 1);
-  }
-  for (size_t k = 0; k < target_used_.size(); ++k) {
-    if (target_used_[k]) ordering.AddElementToGroup(unknowns_.targets[k].delta, 1);
-  }
-  for (size_t block = 0; block < marker_block_used_.size(); ++block) {
-    if (!marker_block_used_[block]) continue;
-    ordering.AddElementToGroup(unknowns_.MarkerBlock(block),
-                               markers_first && !has_distance_[block] ? 0 : 1);
-  }
-  return ordering;
-}
-
-ceres::Solver::Options AdjustProblem::SolverOptions() const {
   ceres::Solver::Options solver;
-  solver.linear_solver_type =
-      DenseUnknowns() <= (bundle_.HasLandmarks() ? kMaxDensePoses : kMaxDenseUnknowns)
-          ? ceres::DENSE_SCHUR
-          : ceres::SPARSE_SCHUR;
+  solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (const Block& block : blocks_) {
+    if (!block.is_used) continue;
+    const bool first =
+        block.first >= eliminated.first && block.first < eliminated.second && !block.is_shared;
+    solver.linear_solver_ordering->AddElementToGroup(x_.data() + block.first, first ? 0 : 1);
+  }
+  const int dense = CountUsed(0, end) - CountUsed(eliminated.first, eliminated.second);
+  solver.linear_solver_type = dense <= (start_.HasLandmarks() ? kMaxDensePoses : kMaxDenseUnknowns)
+                                  ? ceres::DENSE_SCHUR
+                                  : ceres::SPARSE_SCHUR;
   // On which parameters of a local model a point depends changes during the solve, so that no
   // blocks of unknowns can state it.
   if (EstimatesLocalModel(bundle_)) {
@@ -360,40 +373,51 @@ ceres::Solver::Options AdjustProblem::SolverOptions() const {
   return solver;
 }
 
-AdjustSummary AdjustProblem::Solve() {
-  const BundleState before = bundle_;
+void AllUnknowns::Solve(AdjustSummary* summary) {
+  const StepBounds bounds = BoundsOfStep(layout_, start_);
+  for (int i = 0; i < layout_.head; ++i) {
+    const Block& block = BlockOf(i);
+    double* const values = x_.data() + block.first;
+    if (!block.is_used) continue;
+    if (std::isfinite(bounds.lower[i])) {
+      problem_->SetParameterLowerBound(values, i - block.first, x_start_[i] + bounds.lower[i]);
+    }
+    if (std::isfinite(bounds.upper[i])) {
+      problem_->SetParameterUpperBound(values, i - block.first, x_start_[i] + bounds.upper[i]);
+    }
+  }
   ceres::Solver::Options solver = SolverOptions();
-  IterationReport report(options_);
-  solver.callbacks.push_back(&report);
-  AdjustSummary summary;
-  bool again = true;
-  for (bool first = true; again; first = false) {
-    for (const IntrinsicsBlock* block : blocks_used_) EstimateFree(*block);
-    // The solver removes constant blocks from the ordering that it is given.
-    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>(Ordering());
-    ceres::Solver::Summary solved;
-    ceres::Solve(solver, &problem_, &solved);
-    summary.usable = solved.IsSolutionUsable();
-    summary.converged = solved.termination_type == ceres::CONVERGENCE;
-    summary.stopped = solved.termination_type == ceres::USER_FAILURE;
-    summary.iterations += static_cast<int>(solved.iterations.size());
-    if (first) summary.cost_before = solved.initial_cost;
-    summary.cost = solved.final_cost;
-    summary.message = solved.message;
-    again = summary.usable && FixAtBounds();
-  }
-  static_cast<BundleState&>(bundle_) = before;
-  if (summary.usable) {
-    unknowns_.WriteTo(&bundle_);
-    SetAtBounds(&bundle_);
-  }
-  return summary;
+  solver.callbacks.push_back(this);
+  ceres::Solver::Summary solved;
+  ceres::Solve(solver, &*problem_, &solved);
+  if (summary->iterations == 0) summary->cost_before = solved.initial_cost;
+  summary->usable = solved.IsSolutionUsable();
+  summary->converged = solved.termination_type == ceres::CONVERGENCE;
+  summary->stopped = solved.termination_type == ceres::USER_FAILURE;
+  summary->iterations += static_cast<int>(solved.iterations.size());
+  summary->cost = solved.final_cost;
+  summary->message = solved.message;
+  if (!summary->usable) x_ = x_start_;
+  SetBundle();
 }
 
 }  // namespace
 
 AdjustSummary MinimiseAllUnknowns(const AdjustOptions& options, Bundle* bundle) {
-  return AdjustProblem(options, bundle).Solve();
+  const BundleState before = *bundle;
+  for (BundleCamera& camera : bundle->cameras) camera.at_bound.clear();
+  AdjustSummary summary;
+  // Parameters that have come to a bound, along which Ceres converges slowly, are fixed there.
+  for (int unknowns = MakeLayout(*bundle, true).head, last = unknowns + 1; unknowns < last;) {
+    AllUnknowns(options, bundle).Solve(&summary);
+    if (!summary.usable) {
+      static_cast<BundleState&>(*bundle) = before;
+      break;
+    }
+    SetAtBounds(bundle);
+    last = std::exchange(unknowns, MakeLayout(*bundle, true).head);
+  }
+  return summary;
 }
 
 }  // namespace plenocal::internal

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 #include "calib/adjust/poses.h"
@@ -28,7 +27,7 @@ struct Step {
 // The best step, damped by 1 / radius in `unit`s. Unknowns that would leave their bounds stop
 // there, and the step of the others is the best one then (active set).
 Step DampedStep(const ReducedProblem::Linearisation& at,
-                const ReducedProblem::StepBounds& bounds,
+                const StepBounds& bounds,
                 const Eigen::VectorXd& unit,
                 double radius) {
   const Eigen::Index size = unit.size();
@@ -100,39 +99,21 @@ class TrustRegion {
 }  // namespace
 
 ReducedProblem::ReducedProblem(const RobustLoss& loss, Bundle* bundle)
-    : bundle_(*bundle), used_(CamerasWithData(*bundle)), objective_(ObjectiveOf(*bundle, loss)) {
-  std::vector<bool> estimated = used_;
-  if (bundle->prior) {
-    for (const CalibrationPrior::Unknown& unknown : bundle->prior->unknowns) {
-      estimated[unknown.camera] = true;
-    }
-  }
-  layout_ = MakeLayout(*bundle, estimated);
-}
-
-bool ReducedProblem::WithinDomain() const {
-  for (size_t c = 0; c < used_.size(); ++c) {
-    const BundleCamera& camera = bundle_.cameras[c];
-    if (used_[c] && !WithinBounds(*camera.model, camera.params.data())) return false;
-  }
-  return true;
-}
-
-std::vector<SparseRow> ReducedProblem::Priors() const {
-  std::vector<SparseRow> rows = RowsOfParamPriors(bundle_, layout_);
-  std::ranges::move(RowsOfCalibrationPrior(bundle_, layout_), std::back_inserter(rows));
-  return rows;
-}
+    : bundle_(*bundle),
+      used_(CamerasWithData(*bundle)),
+      layout_(MakeLayout(*bundle, true)),
+      objective_(ObjectiveOf(*bundle, loss)) {}
 
 double ReducedProblem::Squares() const {
-  if (!WithinDomain()) return std::numeric_limits<double>::infinity();
+  if (!WithinDomain(bundle_, used_)) return std::numeric_limits<double>::infinity();
   double squares = SumOfSquares(bundle_, objective_);
-  for (const SparseRow& row : Priors()) squares += row.residual * row.residual;
+  for (const SparseRow& row : RowsOfPriors(bundle_, layout_))
+    squares += row.residual * row.residual;
   return squares;
 }
 
 std::optional<ReducedProblem::Linearisation> ReducedProblem::Linearise() const {
-  if (!WithinDomain()) return std::nullopt;
+  if (!WithinDomain(bundle_, used_)) return std::nullopt;
   // Fewer eliminated states than unknowns of markers.
   const bool separate =
       6 * (std::ssize(bundle_.T_rig_target) + std::ssize(bundle_.jitter.delta)) < layout_.Markers();
@@ -150,7 +131,7 @@ std::optional<ReducedProblem::Linearisation> ReducedProblem::Linearise() const {
   at.gradient = at.equations.S.row(layout_.total).head(head).transpose();
   at.diagonal = at.equations.diagonal.head(head);
   if (layout_.Markers() > 0) EliminateMarkers(separate, &at);
-  const std::vector<SparseRow> priors = Priors();
+  const std::vector<SparseRow> priors = RowsOfPriors(bundle_, layout_);
   AddInformation(priors, &at.matrix);
   at.matrix = at.matrix.selfadjointView<Eigen::Lower>();
   for (const SparseRow& row : priors) {
@@ -196,49 +177,7 @@ void ReducedProblem::MoveFrom(const Linearisation& from,
     all.tail(markers) = -from.markers.Solve(from.marker_roots * right);
   }
   from.equations.MoveStates(all, own_part, &bundle_);
-  for (size_t m = 0; markers > 0 && m < bundle_.markers.size(); ++m) {
-    bundle_.markers[m].position += all.segment<3>(layout_.Marker(static_cast<int>(m)));
-  }
-  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-    BundleCamera& camera = bundle_.cameras[c];
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      if (layout_.params[c][k] >= 0) camera.params[k] += step[layout_.params[c][k]];
-    }
-    if (layout_.extrinsics[c] < 0) continue;
-    camera.T_camera_rig = Retract(camera.T_camera_rig, step.segment<6>(layout_.extrinsics[c]));
-  }
-  for (size_t k = 0; k < bundle_.targets.size(); ++k) {
-    if (layout_.targets[k] < 0) continue;
-    MoveTarget(
-        k, Retract(bundle_.targets[k].T_target_own, step.segment<6>(layout_.targets[k])), &bundle_);
-  }
-}
-
-Eigen::VectorXd ReducedProblem::Sizes() const {
-  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(layout_.head);
-  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-    for (size_t k = 0; k < layout_.params[c].size(); ++k) {
-      if (layout_.params[c][k] < 0) continue;
-      sizes[layout_.params[c][k]] = std::abs(bundle_.cameras[c].params[k]);
-    }
-  }
-  return sizes;
-}
-
-ReducedProblem::StepBounds ReducedProblem::Bounds() const {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  StepBounds bounds{Eigen::VectorXd::Constant(layout_.head, -kInfinity),
-                    Eigen::VectorXd::Constant(layout_.head, kInfinity)};
-  for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
-    const BundleCamera& camera = bundle_.cameras[c];
-    for (size_t k = 0; k < camera.rules.size(); ++k) {
-      const int i = layout_.params[c][k];
-      if (i < 0) continue;
-      bounds.lower[i] = std::max(bounds.lower[i], camera.rules[k].lower - camera.params[k]);
-      bounds.upper[i] = std::min(bounds.upper[i], camera.rules[k].upper - camera.params[k]);
-    }
-  }
-  return bounds;
+  Move(layout_, all, &bundle_);
 }
 
 namespace {
@@ -273,8 +212,8 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
       [](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
   TrustRegion region(FirstTrustRegion(options));
   double own_part = 1;
-  double rounding = kRoundingOfStep * problem.Sizes().norm();
-  ReducedProblem::StepBounds bounds = problem.Bounds();
+  double rounding = kRoundingOfStep * Values(problem.Layout(), *bundle).norm();
+  StepBounds bounds = BoundsOfStep(problem.Layout(), *bundle);
   summary.cost_before = summary.cost = at->squares / 2;
   while (true) {
     const int iteration = summary.iterations++;
@@ -313,8 +252,8 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
     }
     region.Accept(gain / predicted);
     own_part = 1;
-    rounding = kRoundingOfStep * problem.Sizes().norm();
-    bounds = problem.Bounds();
+    rounding = kRoundingOfStep * Values(problem.Layout(), *bundle).norm();
+    bounds = BoundsOfStep(problem.Layout(), *bundle);
     summary.cost = at->squares / 2;
   }
   static_cast<BundleState&>(*bundle) = summary.usable ? at->state : before;

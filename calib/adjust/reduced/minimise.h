@@ -44,17 +44,10 @@ class ReducedProblem {
   /// Moves the bundle from the point of a linearisation by `step` of the head. `own_part`: factor
   /// on the part of the step of states and markers that does not depend on `step`.
   void MoveFrom(const Linearisation& from, const Eigen::VectorXd& step, double own_part);
-  /// Sizes of the head's unknowns: of parameters, 0 of charts.
-  [[nodiscard]] Eigen::VectorXd Sizes() const;
-  /// Bounds of a step from the present values, by the parameters' rules.
-  struct StepBounds {
-    Eigen::VectorXd lower, upper;
-  };
-  [[nodiscard]] StepBounds Bounds() const;
+  /// The head of this is what steps change.
+  [[nodiscard]] const UnknownLayout& Layout() const { return layout_; }
 
  private:
-  [[nodiscard]] bool WithinDomain() const;
-  [[nodiscard]] std::vector<SparseRow> Priors() const;
   void EliminateMarkers(bool separate, Linearisation* at) const;
 
   Bundle& bundle_;

@@ -324,7 +324,7 @@ TEST_P(BackEnds, HaveOneOptimum) {
     ASSERT_EQ(ReasonForAllUnknowns(reduced), "");
     // Ceres takes many steps along bounds.
     const AdjustOptions options{
-        .loss = loss, .max_iterations = 1000, .cost_tolerance = 1e-15, .on_iteration = {}};
+        .loss = loss, .max_iterations = 1000, .cost_tolerance = 1e-17, .on_iteration = {}};
     const AdjustSummary a = internal::MinimiseReduced(options, &reduced);
     const AdjustSummary b = internal::MinimiseAllUnknowns(options, &whole);
     ASSERT_TRUE(a.converged) << a.message;
