@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Inverse of a map of the plane at one point.
+// Inverse of a map of the line or the plane at one point.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,18 +13,19 @@ namespace plenocal {
 /// until it comes nearer, up to and with the first step that is no longer than `last_step`. Nothing
 /// where no part of a step comes nearer. `map(place, &image, &slope)` is false outside its domain;
 /// the slope, the derivatives of the image, need not be exact.
-template <typename Map>
-std::optional<Eigen::Vector2d> InvertMap(const Map& map,
-                                         const Eigen::Vector2d& image,
-                                         Eigen::Vector2d place,
-                                         double last_step) {
+template <int N = 2, typename Map>
+std::optional<Eigen::Vector<double, N>> InvertMap(const Map& map,
+                                                  const Eigen::Vector<double, N>& image,
+                                                  Eigen::Vector<double, N> place,
+                                                  double last_step) {
+  using Place = Eigen::Vector<double, N>;
   constexpr int kSteps = 100;
   constexpr double kLeastPart = 1e-6;
-  Eigen::Vector2d now, next;
-  Eigen::Matrix2d slope, next_slope;
+  Place now, next;
+  Eigen::Matrix<double, N, N> slope, next_slope;
   if (!map(place, &now, &slope)) return std::nullopt;
   for (int i = 0; i < kSteps; ++i) {
-    const Eigen::Vector2d off = image - now, step = slope.inverse() * off;
+    const Place off = image - now, step = slope.inverse() * off;
     if (step.norm() <= last_step) return place + step;
     double part = 1;
     while (!map(place + part * step, &next, &next_slope) || !((image - next).norm() < off.norm())) {

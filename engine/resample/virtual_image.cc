@@ -89,7 +89,7 @@ std::optional<Eigen::Vector2d> VirtualImage::Place(const Eigen::Vector3d& direct
     *slope = f_.cwiseInverse().asDiagonal();
     return at.has_value();
   };
-  return InvertMap(map, goal, c_ + f_.cwiseProduct(goal), kLastStep);
+  return InvertMap<2>(map, goal, c_ + f_.cwiseProduct(goal), kLastStep);
 }
 
 std::optional<Eigen::Vector3d> VirtualImage::Point(const Eigen::Vector2d& q,

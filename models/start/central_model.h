@@ -12,6 +12,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "calib/base/invert_map.h"
 #include "calib/camera/camera_model.h"
 #include "models/start/central_start.h"
 
@@ -205,38 +206,28 @@ bool PositiveOn(const std::array<double, N>& c, double s) {
   return positive(positive, b, kHalvings);
 }
 
-/// Solves value(r) = target >= 0 for a function that grows from value(0) = 0 wherever `valid`
-/// holds, an interval from 0: Newton's method kept inside a bracket. Nothing when the value is not
-/// reached.
+/// The r with value(r) = target >= 0, for a function that grows from value(0) = 0 wherever `valid`
+/// holds, an interval from 0. Nothing when the value is not reached.
 template <typename Value, typename Slope, typename Valid>
 std::optional<double> SolveIncreasing(const Value& value,
                                       const Slope& slope,
                                       const Valid& valid,
                                       double target) {
-  constexpr double kLargest = 1e4;     // as a radius at distance 1: 89.99 degrees off the axis
-  constexpr int kMaxIterations = 100;  // bisection alone needs about 60
-  constexpr double kRelativeStep = 4 * std::numeric_limits<double>::epsilon();
-  constexpr double kTolerance = 1e-12;
-  if (!std::isfinite(target)) return std::nullopt;
-  double low = 0, high = std::clamp(target, 1e-12, kLargest);
-  while (valid(high) && value(high) < target) {
-    low = high;
-    high *= 1.5;
-    if (high > 2 * kLargest) return std::nullopt;
-  }
-  double r = std::min(target, high);
-  for (int i = 0; i < kMaxIterations; ++i) {
-    const bool inside = valid(r);
-    const double error = value(r) - target;
-    // Outside `valid` the value means nothing; the solution is below.
-    (!inside || error > 0 ? high : low) = r;
-    const double next = r - error / slope(r);
-    const double step = (inside && next > low && next < high ? next : (low + high) / 2) - r;
-    r += step;
-    if (std::abs(step) <= kRelativeStep * r) break;
-  }
-  if (!valid(r) || !(std::abs(value(r) - target) <= kTolerance * (1 + target))) return std::nullopt;
-  return r;
+  using Number = Eigen::Vector<double, 1>;
+  constexpr double kLargest = 1e4;    // as a radius at distance 1: 89.99 degrees off the axis
+  constexpr double kLastStep = 1e-9;  // its square, the error after it, is rounding
+  constexpr int kHalvings = 40;
+  const auto map = [&](const Number& r, Number* image, Number* by_r) {
+    if (!valid(r[0])) return false;
+    *image << value(r[0]);
+    *by_r << slope(r[0]);
+    return true;
+  };
+  double start = std::min(target, kLargest);
+  for (int i = 0; i < kHalvings && !valid(start); ++i) start /= 2;
+  const auto r = InvertMap<1>(map, Number(target), Number(start), kLastStep * (1 + start));
+  if (!r || (*r)[0] > 2 * kLargest) return std::nullopt;
+  return (*r)[0];
 }
 
 }  // namespace plenocal

@@ -309,7 +309,7 @@ struct PlenopticModel {
 
   static std::optional<Eigen::Vector2d> Undistort(const double* params,
                                                   const Eigen::Vector2d& distorted) {
-    constexpr double kLastStep = 1e-8;  // relative; its square, the error after it, is rounding
+    constexpr double kLastStep = 1e-7;  // relative; its square, the error after it, is rounding
     const auto map = [&](const Eigen::Vector2d& p, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
       *image = Distort(params, p);
       *slope = DistortionJacobian(params, p);

@@ -80,16 +80,8 @@ struct RadtanModel : LensModel<M> {
   }
 
   static std::optional<Eigen::Vector3d> Unmap(const double* k, const Eigen::Vector2d& m) {
-    // The radial part alone first.
     const Lens lens(k);
-    const double r_d = m.norm();
-    if (!std::isfinite(r_d)) return std::nullopt;
-    const std::optional<double> r =
-        SolveIncreasing([&](double radius) { return radius * lens.Gain(radius * radius); },
-                        [&](double radius) { return lens.RadialSlope(radius * radius); },
-                        [&](double radius) { return lens.Grows(radius * radius); },
-                        r_d);
-    Eigen::Vector2d xy = r_d > 0 ? Eigen::Vector2d(m * (r.value_or(r_d) / r_d)) : m;
+    Eigen::Vector2d xy = m;
     constexpr int kMaxIterations = 100;
     constexpr double kLastStep = 1e-9;  // its square, the error after it, is rounding
     for (int i = 0; i < kMaxIterations && !lens.Images(xy.x(), xy.y()); ++i) xy *= 0.9;
@@ -98,7 +90,7 @@ struct RadtanModel : LensModel<M> {
           *slope = lens.Jacobian(at.x(), at.y());
           return Map(k, Vector3<double>(at.x(), at.y(), 1), image->data());
         };
-    const std::optional<Eigen::Vector2d> place = InvertMap(map, m, xy, kLastStep * (1 + r_d));
+    const std::optional<Eigen::Vector2d> place = InvertMap(map, m, xy, kLastStep * (1 + m.norm()));
     if (!place) return std::nullopt;
     return place->homogeneous();
   }
@@ -122,10 +114,6 @@ struct RadtanModel : LensModel<M> {
       }
     }
     [[nodiscard]] double Gain(double s) const { return Value(P_, s) / Value(Q_, s); }
-    [[nodiscard]] double RadialSlope(double s) const {
-      const double q = Value(Q_, s);
-      return Value(slope_, s) / (q * q);
-    }
     // Whether r g grows over all of [0, sqrt(s)].
     [[nodiscard]] bool Grows(double s) const { return PositiveOn(Q_, s) && PositiveOn(slope_, s); }
     [[nodiscard]] Eigen::Matrix2d Jacobian(double x, double y) const {
