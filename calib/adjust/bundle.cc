@@ -127,36 +127,30 @@ std::vector<double> WeightedLengths(const Bundle& bundle) {
 
 namespace {
 
-// End of the run of observations, from `begin` on, that `same` accepts beside the first.
-template <typename Same>
-size_t EndOfRun(const std::vector<BundleObservation>& observations, size_t begin, Same same) {
+// End of the run of observations, from `begin` on, that have the same `numbers`.
+template <int BundleObservation::*... numbers>
+size_t EndOfRun(const std::vector<BundleObservation>& observations, size_t begin) {
   size_t end = begin + 1;
-  while (end < observations.size() && same(observations[begin], observations[end])) ++end;
+  while (end < observations.size() &&
+         ((observations[begin].*numbers == observations[end].*numbers) && ...)) {
+    ++end;
+  }
   return end;
-}
-
-bool SameFrame(const BundleObservation& a, const BundleObservation& b) {
-  return a.frame == b.frame;
-}
-bool SameView(const BundleObservation& a, const BundleObservation& b) {
-  return SameFrame(a, b) && a.camera == b.camera;
-}
-bool SameMarker(const BundleObservation& a, const BundleObservation& b) {
-  return SameView(a, b) && a.marker == b.marker;
 }
 
 }  // namespace
 
 size_t EndOfMarker(const std::vector<BundleObservation>& observations, size_t begin) {
-  return EndOfRun(observations, begin, SameMarker);
+  using Seen = BundleObservation;
+  return EndOfRun<&Seen::frame, &Seen::camera, &Seen::marker>(observations, begin);
 }
 
 size_t EndOfView(const std::vector<BundleObservation>& observations, size_t begin) {
-  return EndOfRun(observations, begin, SameView);
+  return EndOfRun<&BundleObservation::frame, &BundleObservation::camera>(observations, begin);
 }
 
 size_t EndOfFrame(const std::vector<BundleObservation>& observations, size_t begin) {
-  return EndOfRun(observations, begin, SameFrame);
+  return EndOfRun<&BundleObservation::frame>(observations, begin);
 }
 
 void MoveTarget(size_t target, const RigidTransform& T_target_own, BundleState* bundle) {

@@ -32,6 +32,7 @@ UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior) {
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     std::vector<int> indices;
+    layout.first.push_back(layout.head);
     for (size_t k = 0; k < camera.params.size(); ++k) {
       const bool own = bundle.Root(c, k) == ParamIndex{c, k};
       const bool fixed = camera.fixed[k] || (!camera.at_bound.empty() && camera.at_bound[k]);
@@ -42,6 +43,7 @@ UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior) {
     layout.extrinsics.push_back(free ? layout.head : -1);
     if (free) layout.head += 6;
   }
+  layout.first.push_back(layout.head);
   for (const BundleTarget& target : bundle.targets) {
     layout.targets.push_back(target.is_fixed ? -1 : layout.head);
     if (!target.is_fixed) layout.head += 6;

@@ -16,7 +16,10 @@ struct UnknownLayout {
   std::vector<std::vector<int>> params;  ///< per camera and parameter; -1 when not estimated
   std::vector<int> extrinsics;           ///< per camera; -1 where not estimated
   std::vector<int> targets;              ///< per target; -1 where its pose is not estimated
-  int head = 0;                          ///< number of unknowns before the markers
+  /// Per camera: first of its own parameters and extrinsics, which follow each other; then the
+  /// first index after all of them.
+  std::vector<int> first = {};
+  int head = 0;  ///< number of unknowns before the markers
   int total = 0;
   bool markers = false;
 

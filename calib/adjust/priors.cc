@@ -7,6 +7,24 @@
 #include <limits>
 
 namespace plenocal::internal {
+namespace {
+
+// Derivative of component `component` of a pose in the chart about `origin` by the chart about its
+// present value `T`.
+Vector6d ChartDerivative(const RigidTransform& origin,
+                         const RigidTransform& T,
+                         Eigen::Index component) {
+  Vector6d J = Vector6d::Zero();
+  if (component < 3) {
+    J[component] = 1;
+  } else {
+    const Eigen::Vector3d w = LocalCoordinates(origin, T).tail<3>();
+    J.tail<3>() = LeftJacobian(w).inverse().row(component - 3);
+  }
+  return J;
+}
+
+}  // namespace
 
 std::vector<SparseRow> RowsOfParamPriors(const BundleState& bundle, const UnknownLayout& layout) {
   std::vector<SparseRow> rows;
@@ -20,19 +38,6 @@ std::vector<SparseRow> RowsOfParamPriors(const BundleState& bundle, const Unknow
     if (!row.J.empty()) rows.push_back(std::move(row));
   }
   return rows;
-}
-
-Vector6d ChartDerivative(const RigidTransform& origin,
-                         const RigidTransform& T,
-                         Eigen::Index component) {
-  Vector6d J = Vector6d::Zero();
-  if (component < 3) {
-    J[component] = 1;
-  } else {
-    const Eigen::Vector3d w = LocalCoordinates(origin, T).tail<3>();
-    J.tail<3>() = LeftJacobian(w).inverse().row(component - 3);
-  }
-  return J;
 }
 
 std::vector<SparseRow> RowsOfCalibrationPrior(const BundleState& bundle,

@@ -31,12 +31,6 @@ std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayo
 /// Adds J' J to the lower triangle of `information`.
 void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information);
 
-/// Derivative of component `component` of a pose in the chart about `origin` by the chart about its
-/// present value `T`.
-Vector6d ChartDerivative(const RigidTransform& origin,
-                         const RigidTransform& T,
-                         Eigen::Index component);
-
 /// Distances between landmarks. `first`: index of the first of a landmark's three unknowns, or -1
 /// for one that has none, whose distances are left out. Where two ends coincide the residuals are
 /// infinite and have no derivatives.

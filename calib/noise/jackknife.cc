@@ -7,6 +7,7 @@
 #include <limits>
 #include <mutex>
 #include <set>
+#include <utility>
 
 #include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
@@ -15,13 +16,15 @@
 namespace plenocal {
 namespace {
 
-// One camera's numbers: parameters, then the se(3) vector.
-Eigen::VectorXd Numbers(const BundleCamera& camera) {
-  Eigen::VectorXd numbers(camera.params.size() + 6);
-  numbers << Eigen::Map<const Eigen::VectorXd>(camera.params.data(),
-                                               static_cast<Eigen::Index>(camera.params.size())),
-      Log(camera.T_camera_rig);
-  return numbers;
+// All cameras' numbers: of each its parameters, then the se(3) vector.
+Eigen::VectorXd Numbers(const std::vector<BundleCamera>& cameras) {
+  std::vector<double> numbers;
+  for (const BundleCamera& camera : cameras) {
+    numbers.insert(numbers.end(), camera.params.begin(), camera.params.end());
+    const Vector6d xi = Log(camera.T_camera_rig);
+    numbers.insert(numbers.end(), xi.begin(), xi.end());
+  }
+  return Eigen::Map<const Eigen::VectorXd>(numbers.data(), std::ssize(numbers));
 }
 
 // Group of each frame, successive frames together; `groups` for frames without observations.
@@ -32,18 +35,6 @@ std::vector<size_t> GroupFrames(const Bundle& bundle, const std::set<int>& frame
     group_of[static_cast<size_t>(frame)] = position++ * groups / frames.size();
   }
   return group_of;
-}
-
-// sqrt((G - 1) / G sum (x_g - mean)^2) of one camera's numbers over the groups. A group that does
-// not see the camera leaves it unchanged.
-Eigen::VectorXd StandardErrors(const std::vector<std::vector<Eigen::VectorXd>>& results,
-                               size_t camera) {
-  const auto count = static_cast<double>(results.size());
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(results[0][camera].size());
-  for (const auto& result : results) mean += result[camera] / count;
-  Eigen::VectorXd variance = Eigen::VectorXd::Zero(mean.size());
-  for (const auto& result : results) variance += (result[camera] - mean).cwiseAbs2();
-  return (variance * (count - 1) / count).cwiseSqrt();
 }
 
 }  // namespace
@@ -64,7 +55,7 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
     seen_by[static_cast<size_t>(observation.camera)].insert(
         group_of[static_cast<size_t>(observation.frame)]);
   }
-  std::vector<std::vector<Eigen::VectorXd>> results(groups);
+  Eigen::MatrixXd results(Numbers(bundle.cameras).size(), static_cast<Eigen::Index>(groups));
   std::atomic<size_t> done{0};
   std::atomic<bool> stop{false};
   std::mutex mutex;
@@ -79,17 +70,23 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
     adjust.cost_tolerance = options.cost_tolerance;
     const AdjustSummary summary = Adjust(&rest, adjust);
     if (!summary.usable) throw Error(ErrorKind::kJob, "the jackknife failed: " + summary.message);
-    for (const BundleCamera& camera : rest.cameras) results[g].push_back(Numbers(camera));
+    results.col(static_cast<Eigen::Index>(g)) = Numbers(rest.cameras);
     const std::lock_guard lock(mutex);
     if (options.progress && !options.progress(++done, groups)) stop = true;
   });
   if (stop) throw Stopped();
 
+  // sqrt((G - 1) / G sum (x_g - mean)^2); a group that does not see a camera leaves it unchanged.
+  const auto count = static_cast<double>(groups);
+  const Eigen::VectorXd mean = results.rowwise().mean();
+  const Eigen::VectorXd all =
+      ((results.colwise() - mean).rowwise().squaredNorm() * (count - 1) / count).cwiseSqrt();
+  Eigen::Index first = 0;
   Jackknife jackknife{static_cast<int>(groups), {}, {}};
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    Eigen::VectorXd errors = StandardErrors(results, c);
+    const auto params = std::ssize(bundle.cameras[c].params);
+    Eigen::VectorXd errors = all.segment(std::exchange(first, first + params + 6), params + 6);
     if (seen_by[c].size() < 2) errors.setConstant(std::numeric_limits<double>::infinity());
-    const auto params = static_cast<Eigen::Index>(bundle.cameras[c].params.size());
     for (Eigen::Index k = 0; k < params; ++k) {
       if (bundle.cameras[c].fixed[static_cast<size_t>(k)]) errors[k] = 0;
     }

@@ -7,7 +7,6 @@
 
 #include "calib/adjust/priors.h"
 #include "calib/adjust/rows.h"
-#include "calib/base/format_error.h"
 #include "calib/noise/camera_noise.h"
 
 namespace plenocal {
@@ -227,24 +226,6 @@ LandmarkScores ScoreLandmarks(const Bundle& bundle,
   return LandmarkReduction(bundle, layout).Scores(directions, group);
 }
 
-Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
-  const Eigen::Index head = system.head, tail = system.Size() - head;
-  Eigen::MatrixXd information =
-      system.information.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
-  if (tail == 0 || head == 0) return information;
-  const Eigen::LLT<Eigen::MatrixXd> factor(
-      system.information.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
-  if (factor.info() != Eigen::Success) {
-    throw JobError(
-        "the scene points do not determine the poses of all frames; images that overlap "
-        "more, or more of them, may");
-  }
-  const Eigen::MatrixXd half =
-      factor.matrixL().solve(system.information.bottomLeftCorner(tail, head));
-  information -= half.transpose() * half;
-  return information;
-}
-
 std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   std::set<int> frames, landmarks;
@@ -262,12 +243,8 @@ std::vector<double> DegreesWithLandmarks(const Bundle& bundle) {
   std::vector<double> degrees;
   for (size_t c = 0; c < coordinates.size(); ++c) {
     degrees.push_back(shared * coordinates[c] / std::max(1.0, all));
-    if (bundle.prior) continue;  // which determines what the images leave open
-    degrees.back() += layout.extrinsics[c] >= 0 ? 6 : 0;
-    for (size_t k = 0; k < layout.params[c].size(); ++k) {
-      const bool own = bundle.Root(c, k) == ParamIndex{c, k};
-      degrees.back() += own && layout.params[c][k] >= 0 ? 1 : 0;
-    }
+    // A prior determines what the images leave open.
+    if (!bundle.prior) degrees.back() += layout.first[c + 1] - layout.first[c];
   }
   return degrees;
 }

@@ -47,10 +47,6 @@ LandmarkScores ScoreLandmarks(const Bundle& bundle,
                               const Eigen::MatrixXd& directions,
                               std::span<const int> group);
 
-/// Information on parameters and extrinsics alone, poses at their best. Throws `Error` of kind kJob
-/// when the poses are not determined.
-Eigen::MatrixXd HeadInformation(const PoseSystem& system);
-
 /// Per camera: degrees of freedom of its used observations that the unknowns use. Poses and
 /// landmarks are shared in proportion to the measured coordinates.
 std::vector<double> DegreesWithLandmarks(const Bundle& bundle);

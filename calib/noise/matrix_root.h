@@ -7,7 +7,18 @@
 
 #include <Eigen/Core>
 
+#include "calib/base/linear_algebra.h"
+
 namespace plenocal {
+
+/// Eigenvalues and eigenvectors of S V S, S the diagonal matrix of `scale` by which the diagonal
+/// becomes 1 (or stays 0).
+struct UnitSpectrum {
+  Eigen::VectorXd scale;
+  SymmetricEigen eigen;
+
+  explicit UnitSpectrum(const Eigen::MatrixXd& V);
+};
 
 /// N with N N' = V, square.
 Eigen::MatrixXd Root(const Eigen::MatrixXd& V);

@@ -28,7 +28,8 @@ struct NoiseSpectrum {
   Index open = 0;       // how many noise explains
 };
 
-NoiseSpectrum DecomposeByNoise(const MatrixXd& M, const std::vector<MatrixXd>& of_noise) {
+NoiseSpectrum DecomposeByNoise(const NoisyInformation& noisy) {
+  const auto& [M, of_noise] = noisy;
   const VectorXd inverse_size = M.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const SymmetricEigen spectrum =
       DecomposeSymmetric(MatrixXd(inverse_size.asDiagonal() * M * inverse_size.asDiagonal()));
@@ -57,12 +58,18 @@ NoiseSpectrum DecomposeByNoise(const MatrixXd& M, const std::vector<MatrixXd>& o
   return found;
 }
 
-MatrixXd Submatrix(const MatrixXd& M, const std::vector<Index>& rows) { return M(rows, rows); }
+// The same by coordinates along the columns of a basis.
+NoisyInformation Project(const NoisyInformation& noisy, const MatrixXd& basis) {
+  NoisyInformation projected{basis.transpose() * noisy.information * basis, {}};
+  for (const MatrixXd& sample : noisy.of_noise) {
+    projected.of_noise.emplace_back(basis.transpose() * sample * basis);
+  }
+  return projected;
+}
 
 NoiseSpectrum DecomposeByNoise(const NoisyInformation& noisy, const std::vector<Index>& unknowns) {
-  std::vector<MatrixXd> of_noise;
-  for (const MatrixXd& sample : noisy.of_noise) of_noise.push_back(Submatrix(sample, unknowns));
-  return DecomposeByNoise(Submatrix(noisy.information, unknowns), of_noise);
+  const Index all = noisy.information.rows();
+  return DecomposeByNoise(Project(noisy, MatrixXd::Identity(all, all)(Eigen::all, unknowns)));
 }
 
 // The fewest unknowns (their indices) in which noise still explains as many directions: those with
@@ -109,13 +116,9 @@ NoisyInformation SampleNoise(
 }
 
 DeterminedPart Separate(const NoisyInformation& noisy, const VectorXd& unit) {
-  NoisyInformation natural;
-  natural.information = unit.asDiagonal() * noisy.information * unit.asDiagonal();
-  for (const MatrixXd& sample : noisy.of_noise) {
-    natural.of_noise.emplace_back(unit.asDiagonal() * sample * unit.asDiagonal());
-  }
+  const NoisyInformation natural = Project(noisy, unit.asDiagonal());
   const Index unknowns = unit.size();
-  const NoiseSpectrum all = DecomposeByNoise(natural.information, natural.of_noise);
+  const NoiseSpectrum all = DecomposeByNoise(natural);
   MatrixXd open = MatrixXd::Zero(unknowns, all.open);
   if (all.open > 0) {
     const std::vector<Index> fewest = FewestUnknowns(natural, all);
@@ -124,12 +127,7 @@ DeterminedPart Separate(const NoisyInformation& noisy, const VectorXd& unit) {
   }
   const MatrixXd basis =
       all.open > 0 ? Complement(open) : MatrixXd(MatrixXd::Identity(unknowns, unknowns));
-  std::vector<MatrixXd> of_noise;
-  for (const MatrixXd& sample : natural.of_noise) {
-    of_noise.emplace_back(basis.transpose() * sample * basis);
-  }
-  const NoiseSpectrum rest =
-      DecomposeByNoise(basis.transpose() * natural.information * basis, of_noise);
+  const NoiseSpectrum rest = DecomposeByNoise(Project(natural, basis));
   const MatrixXd determined =
       unit.asDiagonal() * basis * rest.vectors *
       (1 - rest.noise_part.cwiseMax(0).array()).inverse().matrix().asDiagonal();

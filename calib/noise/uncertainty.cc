@@ -11,18 +11,17 @@
 
 #include "calib/adjust/priors.h"
 #include "calib/adjust/reduced/elimination.h"
+#include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/names.h"
 #include "calib/noise/camera_noise.h"
 #include "calib/noise/landmark_system.h"
 #include "calib/noise/matrix_root.h"
 #include "calib/noise/open_directions.h"
-#include "calib/noise/reduced_system.h"
 
 namespace plenocal {
 namespace {
 
-using internal::ReducedSystem;
 using internal::UnknownLayout;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -34,24 +33,89 @@ constexpr double kRankTolerance = 1e-13;
 constexpr double kRoundingShare = 1e-6;
 constexpr double kSmallestUnit = 1e-12;
 
-// Markers eliminated from the reduced system: their block is positive definite by their prior.
-struct MarkerElimination {
-  Eigen::LLT<Eigen::MatrixXd> factor;  // of S_mm
-  Eigen::MatrixXd gain;                // S_mm^-1 S_mh; empty when markers are not estimated
-  Eigen::MatrixXd information;         // of parameters and extrinsics
+// Normal equations with poses eliminated, and the degrees of freedom of these.
+struct ReducedSystem {
+  // Of all unknowns of the layout without priors of parameters; its lower triangle.
+  Eigen::MatrixXd S;
+  // Of half the sum of squares; priors of markers are left out.
+  Eigen::VectorXd gradient;
+  // Per camera: degrees of freedom of its rows that pose and jitter unknowns use; and those that
+  // they use of the means of markers, where these have common noise.
+  std::vector<double> degrees_of_poses, degrees_of_poses_by_means;
+  // Per frame: covariance of its pose, all unknowns of the layout fixed.
+  std::vector<Matrix6d> pose_covariances;
+  // Numbers of the jitter that the data determine.
+  double jitter_translations = 0, jitter_rotations = 0;
 };
 
-MarkerElimination EliminateMarkers(const Eigen::MatrixXd& S, const UnknownLayout& layout) {
-  const int head = layout.head, tail = layout.total - layout.head;
-  MarkerElimination result;
-  result.information = S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
-  if (tail > 0) {
-    const Eigen::MatrixXd S_mh = S.bottomLeftCorner(tail, head);
-    result.factor.compute(S.bottomRightCorner(tail, tail).selfadjointView<Eigen::Lower>());
-    result.gain = result.factor.solve(S_mh);
-    result.information -= S_mh.transpose() * result.gain;
+ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
+  ReducedSystem reduced;
+  reduced.degrees_of_poses.assign(bundle.cameras.size(), 0.0);
+  reduced.degrees_of_poses_by_means.assign(bundle.cameras.size(), 0.0);
+  reduced.pose_covariances.assign(bundle.T_rig_target.size(), Matrix6d::Zero());
+  const internal::Objective objective = internal::ObjectiveOf(bundle, {});
+  internal::ReducedEquations equations =
+      internal::EliminateFrames(bundle, layout, objective, 0, {.keep_views = true});
+  internal::States& states = equations.states;
+  states.ComputeCovariances();
+  for (const internal::EliminatedView& view : equations.views) {
+    if (!states.IsDetermined(view.pose)) continue;
+    const auto& [by_pose, by_jitter] = view.charts;
+    const Matrix6d pose = states.Covariance(view.pose, view.pose);
+    reduced.pose_covariances[view.frame] = pose;
+    // Covariance of the pose that the camera saw.
+    Matrix6d seen = by_pose * pose * by_pose.transpose();
+    if (bundle.EstimatesJitter()) {
+      const Matrix6d jitter = states.Covariance(view.jitter, view.jitter);
+      const Matrix6d cross =
+          by_jitter * states.Covariance(view.jitter, view.pose) * by_pose.transpose();
+      seen += by_jitter * jitter * by_jitter.transpose() + cross + cross.transpose();
+      const size_t index = bundle.View(view.frame, view.camera);
+      if (!bundle.jitter.misplaced[index]) {
+        const Matrix6d& W = objective.jitter_weights[index];
+        const Vector6d known = Vector6d::Ones() - (W * jitter * W.transpose()).diagonal();
+        reduced.jitter_translations += known.head<3>().sum();
+        reduced.jitter_rotations += known.tail<3>().sum();
+      }
+    }
+    reduced.degrees_of_poses[view.camera] += (view.information * seen).trace();
+    reduced.degrees_of_poses_by_means[view.camera] += (view.information_of_means * seen).trace();
   }
-  return result;
+  reduced.gradient = equations.S.row(layout.total).head(layout.total).transpose();
+  for (size_t m = 0; layout.markers && m < bundle.markers.size(); ++m) {
+    const BundleMarker& marker = bundle.markers[m];
+    reduced.gradient.segment<3>(layout.Marker(static_cast<int>(m))) -=
+        (marker.position - marker.nominal) / bundle.marker_freedom.Variance();
+  }
+  reduced.S = std::move(equations.S);
+  return reduced;
+}
+
+// Unknowns before `head`, those after it eliminated from the normal matrix S.
+struct TailElimination {
+  Eigen::LLT<Eigen::MatrixXd> factor;  // of S_tt
+  Eigen::MatrixXd gain;                // S_tt^-1 S_th; empty without a tail
+  Eigen::MatrixXd information;         // of the head
+
+  TailElimination(const Eigen::MatrixXd& S, Eigen::Index head, Eigen::Index tail)
+      : information(S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>()) {
+    if (tail == 0) return;
+    const auto S_th = S.block(head, 0, tail, head);
+    factor.compute(S.block(head, head, tail, tail).selfadjointView<Eigen::Lower>());
+    gain = factor.solve(S_th);
+    information -= S_th.transpose() * gain;
+  }
+};
+
+// Information on parameters and extrinsics alone, poses at their best.
+Eigen::MatrixXd HeadInformation(const PoseSystem& system) {
+  const TailElimination poses(system.information, system.head, system.Size() - system.head);
+  if (poses.gain.size() > 0 && poses.factor.info() != Eigen::Success) {
+    throw JobError(
+        "the scene points do not determine the poses of all frames; images that overlap "
+        "more, or more of them, may");
+  }
+  return poses.information;
 }
 
 double MeanTargetDistance(const Bundle& bundle) {
@@ -68,42 +132,43 @@ double MeanTargetDistance(const Bundle& bundle) {
 struct Naming {
   std::vector<std::string> names;
   Eigen::VectorXd unit;
+  // Those that change with the scale of all lengths: translations in the rig, and the lengths
+  // inside of plenoptic cameras. Those inside of others have no unit of length.
+  std::vector<bool> scaled;
+
+  void Add(std::string name, double of_unit, bool is_scaled) {
+    unit[std::ssize(names)] = of_unit;
+    names.push_back(std::move(name));
+    scaled.push_back(is_scaled);
+  }
 };
 
 Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
-  const double target_distance = MeanTargetDistance(bundle);
-  Naming naming{{}, Eigen::VectorXd(layout.head)};
+  const double target_distance = std::max(MeanTargetDistance(bundle), kSmallestUnit);
+  Naming naming{{}, Eigen::VectorXd(layout.head), {}};
+  const auto add_pose = [&](const std::string& of) {
+    for (size_t i = 0; i < 6; ++i) {
+      naming.Add(of + kExtrinsicsNames[i], i < 3 ? target_distance : 1, i < 3);
+    }
+  };
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     for (size_t k = 0; k < camera.params.size(); ++k) {
       if (layout.params[c][k] < 0 || bundle.Root(c, k) != ParamIndex{c, k}) continue;
       if (k >= camera.ModelParams()) {
-        naming.unit[layout.params[c][k]] =
-            camera.nuisances[k - camera.ModelParams()]->unit * camera.rules[k].prior->sigma;
-        naming.names.push_back(NuisanceName(camera, k));
+        const double unit = camera.nuisances[k - camera.ModelParams()]->unit;
+        naming.Add(NuisanceName(camera, k), unit * camera.rules[k].prior->sigma, false);
         continue;
       }
       const Param& param = camera.model->params[k];
-      naming.unit[layout.params[c][k]] =
-          std::max({std::abs(camera.params[k]), param.scale, kSmallestUnit});
-      naming.names.push_back(bundle.cameras[c].name + "." + std::string(param.name));
+      naming.Add(camera.name + "." + std::string(param.name),
+                 std::max({std::abs(camera.params[k]), param.scale, kSmallestUnit}),
+                 param.unit == "m");
     }
-    const int extrinsics = layout.extrinsics[c];
-    if (extrinsics < 0) continue;
-    naming.unit.segment<3>(extrinsics).setConstant(std::max(target_distance, kSmallestUnit));
-    naming.unit.segment<3>(extrinsics + 3).setOnes();
-    for (const char* name : kExtrinsicsNames) {
-      naming.names.push_back(bundle.cameras[c].name + ".T_camera_rig." + name);
-    }
+    if (layout.extrinsics[c] >= 0) add_pose(camera.name + ".T_camera_rig.");
   }
   for (size_t k = 0; k < layout.targets.size(); ++k) {
-    const int target = layout.targets[k];
-    if (target < 0) continue;
-    naming.unit.segment<3>(target).setConstant(std::max(target_distance, kSmallestUnit));
-    naming.unit.segment<3>(target + 3).setOnes();
-    for (const char* name : kExtrinsicsNames) {
-      naming.names.push_back(bundle.targets[k].name + ".T_target." + name);
-    }
+    if (layout.targets[k] >= 0) add_pose(bundle.targets[k].name + ".T_target.");
   }
   return naming;
 }
@@ -129,15 +194,8 @@ void InvertByRank(const Eigen::MatrixXd& information,
                   const Naming& naming,
                   CovarianceOfUnknowns* inverse) {
   // Rank: directions without information in the matrix with unit diagonal.
-  const Eigen::Index head = information.rows();
-  const Eigen::VectorXd diagonal = information.diagonal().cwiseMax(0);
-  Eigen::VectorXd scale(head);
-  for (Eigen::Index i = 0; i < head; ++i) {
-    scale[i] = diagonal[i] > 0 ? 1 / std::sqrt(diagonal[i]) : 1;
-  }
-  const SymmetricEigen spectrum =
-      DecomposeSymmetric(Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
-  for (Eigen::Index i = 0; i < head; ++i) {
+  const auto& [scale, spectrum] = UnitSpectrum(information);
+  for (Eigen::Index i = 0; i < scale.size(); ++i) {
     const Eigen::VectorXd direction = scale.asDiagonal() * spectrum.vectors.col(i);
     if (spectrum.values[i] > kRankTolerance) {
       inverse->covariance += direction * direction.transpose() / spectrum.values[i];
@@ -218,7 +276,7 @@ Eigen::VectorXd InverseDiagonal(const Eigen::LLT<Eigen::MatrixXd>& factor) {
 }
 
 // Standard errors of the markers; returns how many of their coordinates the data determine.
-double SetMarkerErrors(const MarkerElimination& markers, double marker_sigma, Uncertainty* result) {
+double SetMarkerErrors(const TailElimination& markers, double marker_sigma, Uncertainty* result) {
   double determined = 0;
   const Eigen::Index tail = markers.gain.rows();
   if (tail == 0) return determined;
@@ -236,45 +294,6 @@ double SetMarkerErrors(const MarkerElimination& markers, double marker_sigma, Un
   return determined;
 }
 
-// Per camera: degrees of freedom of its parameters and extrinsics that priors determine.
-std::vector<double> DegreesOfPriors(const Bundle& bundle,
-                                    const UnknownLayout& layout,
-                                    const Eigen::MatrixXd& of_priors,
-                                    const Eigen::MatrixXd& covariance) {
-  const Eigen::VectorXd determined = covariance.cwiseProduct(of_priors).rowwise().sum();
-  std::vector<double> degrees(layout.params.size(), 0.0);
-  for (size_t c = 0; c < degrees.size(); ++c) {
-    for (size_t k = 0; k < layout.params[c].size(); ++k) {
-      const int index = layout.params[c][k];
-      if (index >= 0 && bundle.Root(c, k) == ParamIndex{c, k}) degrees[c] += determined[index];
-    }
-    if (layout.extrinsics[c] >= 0) degrees[c] += determined.segment<6>(layout.extrinsics[c]).sum();
-  }
-  return degrees;
-}
-
-// Degrees of freedom of each camera's own parameters and extrinsics, and those of the jitter. The
-// extrinsics are known from a mean over the frames: of their jitter, where there is any.
-std::vector<double> DegreesOfCameras(const Bundle& bundle,
-                                     const UnknownLayout& layout,
-                                     Uncertainty* result) {
-  std::vector<double> degrees(layout.params.size(), 0.0);
-  for (size_t c = 0; c < degrees.size(); ++c) {
-    if (layout.extrinsics[c] >= 0) {
-      if (bundle.EstimatesJitter()) {
-        result->jitter_translation_redundancy -= 3;
-        result->jitter_rotation_redundancy -= 3;
-      } else {
-        degrees[c] = 6;
-      }
-    }
-    for (size_t k = 0; k < layout.params[c].size(); ++k) {
-      degrees[c] += layout.params[c][k] >= 0 && bundle.Root(c, k) == ParamIndex{c, k} ? 1 : 0;
-    }
-  }
-  return degrees;
-}
-
 // Information of all priors on the unknowns before the markers.
 Eigen::MatrixXd InformationOfPriors(const Bundle& bundle, const UnknownLayout& layout) {
   Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(layout.head, layout.head);
@@ -283,44 +302,21 @@ Eigen::MatrixXd InformationOfPriors(const Bundle& bundle, const UnknownLayout& l
   return lower.selfadjointView<Eigen::Lower>();
 }
 
-// The unknowns that change with the scale of all lengths: translations in the rig, and the lengths
-// inside of plenoptic cameras. Those inside of others have no unit of length.
-std::vector<bool> ScaledUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
-  std::vector<bool> scaled(static_cast<size_t>(layout.head), false);
-  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
-    const CameraModel& model = *bundle.cameras[c].model;
-    for (size_t k = 0; k < model.params.size(); ++k) {
-      if (layout.params[c][k] < 0 || model.params[k].unit != "m") continue;
-      scaled[static_cast<size_t>(layout.params[c][k])] = true;
-    }
-    for (int i = 0; layout.extrinsics[c] >= 0 && i < 3; ++i) {
-      scaled[static_cast<size_t>(layout.extrinsics[c]) + static_cast<size_t>(i)] = true;
-    }
-  }
-  return scaled;
-}
-
 // Adds to `inverse`, in which a distance holds the scale, that nothing determines it: the direction
 // of the smallest information without that distance.
 void OpenScale(const Bundle& bundle,
                const UnknownLayout& layout,
                const Naming& naming,
                CovarianceOfUnknowns* inverse) {
-  const std::vector<bool> scaled = ScaledUnknowns(bundle, layout);
-  if (std::ranges::find(scaled, true) == scaled.end()) return;
+  if (std::ranges::find(naming.scaled, true) == naming.scaled.end()) return;
   Bundle without = bundle;
   without.scale_distance.reset();
   Eigen::MatrixXd information = HeadInformation(EliminateLandmarks(without, layout));
   AddInformation(internal::RowsOfParamPriors(bundle, layout), &information);
-  const Eigen::VectorXd scale = information.diagonal()
-                                    .cwiseMax(std::numeric_limits<double>::min())
-                                    .cwiseSqrt()
-                                    .cwiseInverse();
-  const SymmetricEigen spectrum =
-      DecomposeSymmetric(Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
-  Eigen::VectorXd direction = (scale.asDiagonal() * spectrum.vectors.col(0)).eval();
+  const auto& [scale, spectrum] = UnitSpectrum(information);
+  Eigen::VectorXd direction = scale.asDiagonal() * spectrum.vectors.col(0);
   for (Eigen::Index i = 0; i < direction.size(); ++i) {
-    direction[i] = scaled[static_cast<size_t>(i)] ? direction[i] / naming.unit[i] : 0;
+    direction[i] = naming.scaled[static_cast<size_t>(i)] ? direction[i] / naming.unit[i] : 0;
   }
   inverse->AddUndetermined(direction.cwiseProduct(naming.unit), naming);
 }
@@ -363,63 +359,39 @@ Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
 }
 
 // Normal matrices with the poses moved by their errors: those of their own points, and those by
-// which they follow the errors of all other unknowns.
-class PoseNoise {
- public:
-  PoseNoise(const Bundle& bundle,
-            const UnknownLayout& layout,
-            const ReducedSystem& reduced,
-            const MarkerElimination& markers,
-            Eigen::MatrixXd information)
-      : bundle_(bundle),
-        layout_(layout),
-        gain_(markers.gain),
-        information_(std::move(information)),
-        of_priors_(information_ - markers.information),
-        moved_(bundle),
-        equations_(internal::EliminateFrames(
-            bundle, layout, internal::ObjectiveOf(bundle, {}), 0, {.keep_steps = true})) {
-    for (const Matrix6d& covariance : reduced.pose_covariances)
-      roots_.emplace_back(Root(covariance));
-  }
-
-  // `covariance`: of the unknowns before the markers.
-  NoisyInformation Sample(const Eigen::MatrixXd& covariance) {
-    const Eigen::MatrixXd root = Root(covariance);
-    return SampleNoise(information_, [&](unsigned sample, double sign) -> Eigen::MatrixXd {
-      Move(root, sample, sign);
-      return EliminateMarkers(internal::Reduce(moved_, layout_).S, layout_).information +
-             of_priors_;
-    });
-  }
-
- private:
-  void Move(const Eigen::MatrixXd& root, unsigned sample, double sign) {
+// which they follow the errors of all other unknowns. `covariance`: of those before the markers.
+NoisyInformation SamplePoseNoise(const Bundle& bundle,
+                                 const UnknownLayout& layout,
+                                 const ReducedSystem& reduced,
+                                 const TailElimination& markers,
+                                 const Eigen::MatrixXd& of_priors,
+                                 const Eigen::MatrixXd& covariance) {
+  const internal::ReducedEquations equations = internal::EliminateFrames(
+      bundle, layout, internal::ObjectiveOf(bundle, {}), 0, {.keep_steps = true});
+  const Eigen::MatrixXd root = Root(covariance);
+  std::vector<Matrix6d> roots;
+  for (const Matrix6d& of_pose : reduced.pose_covariances) roots.emplace_back(Root(of_pose));
+  Bundle moved = bundle;
+  const auto information_at = [&](unsigned sample, double sign) -> Eigen::MatrixXd {
     std::mt19937 random(sample);
     std::normal_distribution<double> normal;
     const auto draw = [&] { return sign * normal(random); };
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(layout_.total);
-    step.head(layout_.head) = root * Eigen::VectorXd::NullaryExpr(layout_.head, draw);
-    if (layout_.markers) {
-      step.tail(layout_.total - layout_.head) = -gain_ * step.head(layout_.head);
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(layout.total);
+    step.head(layout.head) = root * Eigen::VectorXd::NullaryExpr(layout.head, draw);
+    if (layout.markers) step.tail(layout.Markers()) = -markers.gain * step.head(layout.head);
+    moved.T_rig_target = bundle.T_rig_target;
+    moved.jitter = bundle.jitter;
+    equations.MoveStates(step, 0, &moved);
+    for (size_t frame = 0; frame < roots.size(); ++frame) {
+      const Vector6d error = roots[frame] * Vector6d::NullaryExpr(draw);
+      moved.T_rig_target[frame] = Retract(moved.T_rig_target[frame], error);
     }
-    moved_.T_rig_target = bundle_.T_rig_target;
-    moved_.jitter = bundle_.jitter;
-    equations_.MoveStates(step, 0, &moved_);
-    for (size_t frame = 0; frame < roots_.size(); ++frame) {
-      const Vector6d error = roots_[frame] * Vector6d::NullaryExpr(draw);
-      moved_.T_rig_target[frame] = Retract(moved_.T_rig_target[frame], error);
-    }
-  }
-
-  const Bundle& bundle_;
-  const UnknownLayout& layout_;
-  const Eigen::MatrixXd& gain_;
-  Eigen::MatrixXd information_, of_priors_;
-  Bundle moved_;
-  internal::ReducedEquations equations_;
-  std::vector<Matrix6d> roots_;
-};
+    const internal::Objective objective = internal::ObjectiveOf(moved, {});
+    const Eigen::MatrixXd S = internal::EliminateFrames(moved, layout, objective, 0, {}).S;
+    return TailElimination(S, layout.head, layout.Markers()).information + of_priors;
+  };
+  return SampleNoise(markers.information + of_priors, information_at);
+}
 
 enum class By { kViews, kMotion };
 
@@ -427,8 +399,9 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   const UnknownLayout layout = internal::MakeLayout(bundle);
   if (bundle.HasLandmarks()) return UncertaintyWithLandmarks(bundle, layout, coordinates);
-  const ReducedSystem reduced = internal::Reduce(bundle, layout);
-  const MarkerElimination markers = EliminateMarkers(reduced.S, layout);
+  const ReducedSystem reduced = Reduce(bundle, layout);
+  // The markers' block is positive definite by their prior.
+  const TailElimination markers(reduced.S, layout.head, layout.Markers());
 
   Uncertainty result;
   result.frames_information = markers.information;
@@ -444,10 +417,11 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   result.marker_gain = markers.gain;
   NoisyInformation noisy{information, {}};
   if (by == By::kMotion) {
-    PoseNoise noise(bundle, layout, reduced, markers, information);
-    const Eigen::VectorXd unit = NameUnknowns(bundle, layout).unit;
-    noisy = noise.Sample(Eigen::MatrixXd::Zero(layout.head, layout.head));
-    noisy = noise.Sample(Separate(noisy, unit).covariance);
+    const auto sample = [&](const Eigen::MatrixXd& covariance) {
+      return SamplePoseNoise(bundle, layout, reduced, markers, of_priors, covariance);
+    };
+    noisy = sample(Eigen::MatrixXd::Zero(layout.head, layout.head));
+    noisy = sample(Separate(noisy, NameUnknowns(bundle, layout).unit).covariance);
   }
   SetFromInformation(bundle, layout, noisy, &result);
   const double marker_degrees = SetMarkerErrors(markers, bundle.marker_freedom.Sigma(), &result);
@@ -459,14 +433,21 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
   result.jitter_translation_redundancy = reduced.jitter_translations;
   result.jitter_rotation_redundancy = reduced.jitter_rotations;
-  const std::vector<double> by_priors =
-      DegreesOfPriors(bundle, layout, of_priors, result.covariance);
-  std::vector<double> own = DegreesOfCameras(bundle, layout, &result);
+  const Eigen::VectorXd by_priors =
+      result.covariance.cwiseProduct(of_priors).rowwise().sum();  // degrees that these determine
   for (size_t c = 0; c < coordinates.size(); ++c) {
-    own[c] -= by_priors[c];
-    own[c] += (marker_degrees + 6 * free_targets) * coordinates[c] / std::max(1.0, all_coordinates);
-    result.redundancy.push_back(coordinates[c] - own[c] - reduced.degrees_of_poses[c]);
-    result.degrees_used_by_means.push_back(own[c] + reduced.degrees_of_poses_by_means[c]);
+    const int first = layout.first[c], count = layout.first[c + 1] - first;
+    double own =
+        count - by_priors.segment(first, count).sum() +
+        (marker_degrees + 6 * free_targets) * coordinates[c] / std::max(1.0, all_coordinates);
+    // The extrinsics are known from a mean over the frames: of their jitter, where there is any.
+    if (layout.extrinsics[c] >= 0 && bundle.EstimatesJitter()) {
+      own -= 6;
+      result.jitter_translation_redundancy -= 3;
+      result.jitter_rotation_redundancy -= 3;
+    }
+    result.redundancy.push_back(coordinates[c] - own - reduced.degrees_of_poses[c]);
+    result.degrees_used_by_means.push_back(own + reduced.degrees_of_poses_by_means[c]);
   }
   return result;
 }

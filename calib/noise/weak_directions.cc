@@ -159,19 +159,17 @@ class WeakUnknownsFinder {
         text += (text.empty() ? "" : " ") + sentence;
       }
     };
-    bool extrinsics = false;
-    const bool several = std::any_of(names.begin(), names.end(), [](const auto& name) {
-      return name.find(".T_target.") != std::string::npos;
-    });
+    const auto any = [&](const std::string& part) {
+      return std::ranges::any_of(
+          names, [&](const std::string& name) { return name.find(part) != std::string::npos; });
+    };
+    const bool several = any(".T_target."), extrinsics = any(".T_camera_rig.");
     for (size_t c = 0; c < bundle_.cameras.size(); ++c) {
       const CameraModel& model = *bundle_.cameras[c].model;
       std::vector<size_t> weak;
       for (size_t k = 0; k < model.params.size(); ++k) {
         if (Contains(names, Prefix(c) + std::string(model.params[k].name))) weak.push_back(k);
       }
-      extrinsics = extrinsics || std::any_of(names.begin(), names.end(), [&](const auto& name) {
-                     return name.starts_with(Prefix(c) + "T_camera_rig");
-                   });
       if (!weak.empty()) add(model.Remedy(weak, DepthRangeOf(bundle_, c)));
     }
     if (several) {

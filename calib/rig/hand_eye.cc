@@ -54,12 +54,12 @@ std::vector<Motion> MotionsOf(std::span<const HandEyePair> pairs) {
 // Motions by the same angle in both chains; a wrong pose gives others.
 std::vector<Motion> AgreeingMotions(std::vector<Motion> motions) {
   constexpr double kTypicals = 5;
-  constexpr double kRounding = 1e-6;  // rad
+  constexpr double kSameAngle = 1e-6;  // rad
   std::vector<double> differences;
   for (const Motion& motion : motions) {
     differences.push_back(std::abs(motion.a.norm() - motion.b.norm()));
   }
-  const double most = kTypicals * Median(differences) + kRounding;
+  const double most = kTypicals * Median(differences) + kSameAngle;
   std::erase_if(motions, [&](const Motion& motion) {
     return std::abs(motion.a.norm() - motion.b.norm()) > most;
   });

@@ -80,10 +80,83 @@ class BlockCost : public ceres::CostFunction {
 // all others changes from the start.
 class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCallback {
  public:
-  AllUnknowns(const AdjustOptions& options, Bundle* bundle);
+  AllUnknowns(const AdjustOptions& options, Bundle* bundle)
+      : bundle_(*bundle),
+        start_(*bundle),
+        options_(options),
+        has_data_(CamerasWithData(*bundle)),
+        layout_(MakeLayout(*bundle, true)) {
+    layout_.markers = bundle->EstimatesMarkers();
+    layout_.total = layout_.markers ? layout_.Marker(static_cast<int>(std::ssize(bundle->markers)))
+                                    : layout_.head;
+    MakeBlocks();
+    x_start_ = Eigen::VectorXd::Zero(std::ssize(block_of_));
+    x_start_.head(layout_.head) = Values(layout_, *bundle);
+    x_ = x_start_;
+    ceres::Problem::Options problem;
+    problem.disable_all_safety_checks = true;
+    problem.evaluation_callback = this;
+    problem_.emplace(problem);
+    std::vector<std::vector<Block*>> of_cameras;
+    for (size_t c = 0; c < bundle->cameras.size(); ++c) {
+      residuals_.emplace_back(bundle->cameras[c], RowColumns{});
+      derivatives_.emplace_back(
+          bundle->cameras[c],
+          RowColumns{.params = true, .extrinsics = true, .pose = true, .marker = true});
+      std::vector<int> unknowns = layout_.params[c];
+      unknowns.push_back(layout_.extrinsics[c]);
+      of_cameras.push_back(BlocksOf(unknowns));
+    }
+    const std::span<const BundleObservation> observations = bundle->observations;
+    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+      end = EndOfMarker(bundle->observations, begin);
+      AddMarker(observations.subspan(begin, end - begin),
+                of_cameras[static_cast<size_t>(observations[begin].camera)]);
+    }
+    priors_ = Priors();
+    for (size_t i = 0; i < priors_.size(); ++i) {
+      std::vector<int> unknowns;
+      for (const auto& [unknown, derivative] : priors_[i].J) unknowns.push_back(unknown);
+      const std::vector<Block*> blocks = BlocksOf(unknowns);
+      for (Block* block : blocks) block->is_shared |= blocks.size() > 1;
+      AddCost(1, blocks, [this, i](double* residuals, bool derive) {
+        residuals[0] = priors_[i].residual;
+        for (const auto& [unknown, derivative] : priors_[i].J) {
+          if (derive) J<1>(unknown, 1)(0, 0) += derivative;
+        }
+        return std::isfinite(residuals[0]);
+      });
+    }
+  }
 
   // Leaves the bundle as it is if the result is not usable.
-  void Solve(AdjustSummary* summary);
+  void Solve(AdjustSummary* summary) {
+    const StepBounds bounds = BoundsOfStep(layout_, start_);
+    for (int i = 0; i < layout_.head; ++i) {
+      const Block& block = BlockOf(i);
+      double* const values = x_.data() + block.first;
+      if (!block.is_used) continue;
+      if (std::isfinite(bounds.lower[i])) {
+        problem_->SetParameterLowerBound(values, i - block.first, x_start_[i] + bounds.lower[i]);
+      }
+      if (std::isfinite(bounds.upper[i])) {
+        problem_->SetParameterUpperBound(values, i - block.first, x_start_[i] + bounds.upper[i]);
+      }
+    }
+    ceres::Solver::Options solver = SolverOptions();
+    solver.callbacks.push_back(this);
+    ceres::Solver::Summary solved;
+    ceres::Solve(solver, &*problem_, &solved);
+    if (summary->iterations == 0) summary->cost_before = solved.initial_cost;
+    summary->usable = solved.IsSolutionUsable();
+    summary->converged = solved.termination_type == ceres::CONVERGENCE;
+    summary->stopped = solved.termination_type == ceres::USER_FAILURE;
+    summary->iterations += static_cast<int>(solved.iterations.size());
+    summary->cost = solved.final_cost;
+    summary->message = solved.message;
+    if (!summary->usable) x_ = x_start_;
+    SetBundle();
+  }
 
   void PrepareForEvaluation(bool /*evaluate_jacobians*/, bool new_evaluation_point) override {
     if (new_evaluation_point) SetBundle();
@@ -97,30 +170,197 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
  private:
   [[nodiscard]] int Pose(size_t frame) const { return layout_.total + 6 * static_cast<int>(frame); }
   [[nodiscard]] int Jitter(size_t view) const { return Pose(start_.T_rig_target.size() + view); }
-  [[nodiscard]] bool IsUsed(int unknown) const { return BlockOf(unknown).is_used; }
-  [[nodiscard]] const Block& BlockOf(int unknown) const {
-    return blocks_[block_of_[static_cast<size_t>(unknown)]];
-  }
+  Block& BlockOf(int unknown) { return blocks_[block_of_[static_cast<size_t>(unknown)]]; }
   // The blocks of those that are not -1, each once.
-  [[nodiscard]] std::vector<Block*> BlocksOf(const std::vector<int>& unknowns);
+  std::vector<Block*> BlocksOf(const std::vector<int>& unknowns) {
+    std::vector<Block*> blocks;
+    for (const int unknown : unknowns) {
+      if (unknown >= 0) blocks.push_back(&BlockOf(unknown));
+    }
+    std::ranges::sort(blocks);
+    blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+    return blocks;
+  }
+
   // Derivatives of `rows` rows, evaluated at the time, by unknowns from `first` on.
   template <int columns>
-  auto J(int first, Eigen::Index rows) {
+  typename Eigen::Map<RowMajorMatrix>::template NColsBlockXpr<columns>::Type J(int first,
+                                                                               Eigen::Index rows) {
     const Block& block = BlockOf(first);
     return Eigen::Map<RowMajorMatrix>(block.J, rows, block.size)
         .middleCols<columns>(first - block.first);
   }
 
-  void MakeBlocks();
-  void AddCost(int count, const std::vector<Block*>& blocks, BlockCost::Rows rows);
-  // Rows of one marker in one view.
-  void AddMarker(std::span<const BundleObservation> observations, std::vector<Block*> blocks);
-  bool SetMarker(std::span<const BundleObservation> observations, double* residuals, bool derive);
-  [[nodiscard]] std::vector<SparseRow> Priors() const;
+  void MakeBlocks() {
+    const auto add = [&](int size, bool ends_in_chart) {
+      if (size == 0) return;
+      const int first = static_cast<int>(std::ssize(block_of_));
+      block_of_.insert(block_of_.end(), static_cast<size_t>(size), blocks_.size());
+      blocks_.push_back({.first = first, .size = size, .ends_in_chart = ends_in_chart});
+    };
+    for (size_t c = 0; c < start_.cameras.size(); ++c) {
+      add(layout_.first[c + 1] - layout_.first[c], layout_.extrinsics[c] >= 0);
+    }
+    for (const int target : layout_.targets) add(target >= 0 ? 6 : 0, true);
+    for (int m = layout_.head; m < layout_.total; m += UnknownLayout::kOfMarker) {
+      add(UnknownLayout::kOfMarker, false);
+    }
+    for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) add(6, true);
+    for (size_t view = 0; view < start_.jitter.delta.size(); ++view) add(6, false);
+  }
+
+  void AddCost(int count, const std::vector<Block*>& blocks, BlockCost::Rows rows) {
+    std::vector<double*> parameters;
+    for (Block* block : blocks) {
+      block->is_used = true;
+      parameters.push_back(x_.data() + block->first);
+    }
+    problem_->AddResidualBlock(new BlockCost(count, blocks, std::move(rows)), nullptr, parameters);
+  }
+
+  // Adds the rows of one marker in one view.
+  void AddMarker(std::span<const BundleObservation> observations, std::vector<Block*> blocks) {
+    const auto used = std::ranges::count(observations, true, &BundleObservation::used);
+    if (used == 0) return;
+    const BundleObservation& first = observations[0];
+    const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
+    const auto add = [&](int unknown) { blocks.push_back(&BlockOf(unknown)); };
+    if (start_.fixed_frame != frame) add(Pose(frame));
+    if (start_.EstimatesJitter()) add(Jitter(start_.View(frame, c)));
+    if (const auto target = start_.FreeTarget(first.marker)) add(layout_.targets[*target]);
+    if (layout_.markers) add(layout_.Marker(first.marker));
+    AddCost(static_cast<int>(used * std::ssize(start_.cameras[c].model->measured)),
+            blocks,
+            [this, observations](double* residuals, bool derive) {
+              return SetMarker(observations, residuals, derive);
+            });
+  }
+
+  // Writes these rows.
+  bool SetMarker(std::span<const BundleObservation> observations, double* residuals, bool derive) {
+    if (!within_domain_) return false;
+    const BundleObservation& first = observations[0];
+    const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
+    MarkerRows& rows = (derive ? derivatives_ : residuals_)[c];
+    if (!rows.Load(ViewOf(bundle_, frame, c),
+                   bundle_.markers[static_cast<size_t>(first.marker)].position,
+                   observations,
+                   {options_.loss, options_.loss_width})) {
+      return false;
+    }
+    const Eigen::Index count = rows.Count();
+    Eigen::Map<Eigen::VectorXd>(residuals, count) = rows.Residual();
+    if (!derive) return true;
+    ForEachDerivative(bundle_, layout_, c, rows, [&](int unknown, const auto& by) {
+      J<std::decay_t<decltype(by)>::ColsAtCompileTime>(unknown, count) += by;
+    });
+    const ViewCharts charts = ChartsOf(bundle_, frame, c);
+    if (start_.fixed_frame != frame) J<6>(Pose(frame), count) = rows.Pose() * charts.pose;
+    if (start_.EstimatesJitter()) {
+      J<6>(Jitter(start_.View(frame, c)), count) = rows.Pose() * charts.jitter;
+    }
+    const auto target = start_.FreeTarget(first.marker);
+    if (target && layout_.markers) {
+      // Markers are where they were at the start before the target has moved.
+      auto of_marker = J<3>(layout_.Marker(first.marker), count);
+      of_marker = (of_marker * bundle_.targets[*target].T_target_own.R *
+                   start_.targets[*target].T_target_own.R.transpose())
+                      .eval();
+    }
+    return true;
+  }
+
+  // Of used blocks, so that they are the same ones at each point.
+  std::vector<SparseRow> Priors() {
+    std::vector<SparseRow> rows = RowsOfPriors(bundle_, layout_);
+    const auto position = [&](int marker) {
+      const int first = layout_.Marker(marker);
+      return BlockOf(first).is_used ? first : -1;
+    };
+    std::ranges::move(RowsOfDistances(bundle_, position), std::back_inserter(rows));
+    const auto add = [&](int first, const auto& weight, const auto& value) {
+      const auto residual = (weight * value).eval();
+      for (Eigen::Index r = 0; BlockOf(first).is_used && r < residual.size(); ++r) {
+        rows.push_back({.J = {}, .residual = residual[r]});
+        for (int i = 0; i < residual.size(); ++i)
+          rows.back().J.emplace_back(first + i, weight(r, i));
+      }
+    };
+    for (size_t m = 0; start_.marker_freedom.HasTolerance() && m < start_.markers.size(); ++m) {
+      const int first = layout_.Marker(static_cast<int>(m));
+      const BundleMarker& marker = start_.markers[m];
+      add(first,
+          Eigen::Matrix3d(Eigen::Matrix3d::Identity() / start_.marker_freedom.Sigma()),
+          Eigen::Vector3d(marker.position + x_.segment<3>(first) - marker.nominal));
+    }
+    for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
+      const size_t frame = view / start_.cameras.size(), c = view % start_.cameras.size();
+      add(Jitter(view), JitterWeight(start_, frame, c), bundle_.jitter.delta[view]);
+    }
+    return rows;
+  }
+
   // Sets the bundle to `x_`.
-  void SetBundle();
-  [[nodiscard]] int CountUsed(int begin, int end) const;
-  [[nodiscard]] ceres::Solver::Options SolverOptions();
+  void SetBundle() {
+    static_cast<BundleState&>(bundle_) = start_;
+    const Eigen::VectorXd step = x_ - x_start_;
+    Move(layout_, step, &bundle_);
+    for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) {
+      RigidTransform& T_rig_target = bundle_.T_rig_target[frame];
+      T_rig_target = Retract(T_rig_target, step.segment<6>(Pose(frame)));
+    }
+    for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
+      bundle_.jitter.delta[view] += step.segment<6>(Jitter(view));
+    }
+    within_domain_ = WithinDomain(bundle_, has_data_);
+    priors_ = Priors();
+  }
+
+  int CountUsed(int begin, int end) {
+    int count = 0;
+    for (const Block& block : blocks_) {
+      if (block.is_used && block.first >= begin && block.first < end) count += block.size;
+    }
+    return count;
+  }
+
+  ceres::Solver::Options SolverOptions() {
+    // The blocks that are eliminated first must not share residuals: the jitter of the views when
+    // there is any, else the poses; or the markers, where they are more unknowns. The rest is small
+    // and dense.
+    const int end = static_cast<int>(x_.size());
+    std::pair eliminated =
+        start_.EstimatesJitter() ? std::pair{Jitter(0), end} : std::pair{Pose(0), Jitter(0)};
+    if (CountUsed(layout_.head, layout_.total) > CountUsed(eliminated.first, eliminated.second)) {
+      eliminated = {layout_.head, layout_.total};
+    }
+    ceres::Solver::Options solver;
+    solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    for (const Block& block : blocks_) {
+      if (!block.is_used) continue;
+      const bool first =
+          block.first >= eliminated.first && block.first < eliminated.second && !block.is_shared;
+      solver.linear_solver_ordering->AddElementToGroup(x_.data() + block.first, first ? 0 : 1);
+    }
+    const int dense = CountUsed(0, end) - CountUsed(eliminated.first, eliminated.second);
+    solver.linear_solver_type =
+        dense <= (start_.HasLandmarks() ? kMaxDensePoses : kMaxDenseUnknowns) ? ceres::DENSE_SCHUR
+                                                                              : ceres::SPARSE_SCHUR;
+    // On which parameters of a local model a point depends changes during the solve, so that no
+    // blocks of unknowns can state it.
+    if (EstimatesLocalModel(bundle_)) {
+      solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+      solver.dynamic_sparsity = true;
+    }
+    solver.num_threads = 1;
+    solver.logging_type = ceres::SILENT;
+    solver.max_num_iterations = options_.max_iterations;
+    solver.function_tolerance = options_.cost_tolerance;
+    solver.gradient_tolerance = kGradientTolerance;
+    solver.parameter_tolerance = kStepTolerance;
+    solver.initial_trust_region_radius = FirstTrustRegion(options_);
+    return solver;
+  }
 
   Bundle& bundle_;
   const BundleState start_;
@@ -135,271 +375,6 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
   std::vector<SparseRow> priors_;                    // likewise
   std::optional<ceres::Problem> problem_;
 };
-
-AllUnknowns::AllUnknowns(const AdjustOptions& options, Bundle* bundle)
-    : bundle_(*bundle),
-      start_(*bundle),
-      options_(options),
-      has_data_(CamerasWithData(*bundle)),
-      layout_(MakeLayout(*bundle, true)) {
-  layout_.markers = bundle->EstimatesMarkers();
-  layout_.total = layout_.markers ? layout_.Marker(static_cast<int>(std::ssize(bundle->markers)))
-                                  : layout_.head;
-  MakeBlocks();
-  x_start_ = Eigen::VectorXd::Zero(std::ssize(block_of_));
-  x_start_.head(layout_.head) = Values(layout_, *bundle);
-  x_ = x_start_;
-  ceres::Problem::Options problem;
-  problem.disable_all_safety_checks = true;
-  problem.evaluation_callback = this;
-  problem_.emplace(problem);
-  std::vector<std::vector<Block*>> of_cameras;
-  for (size_t c = 0; c < bundle->cameras.size(); ++c) {
-    residuals_.emplace_back(bundle->cameras[c], RowColumns{});
-    derivatives_.emplace_back(
-        bundle->cameras[c],
-        RowColumns{.params = true, .extrinsics = true, .pose = true, .marker = true});
-    std::vector<int> unknowns = layout_.params[c];
-    unknowns.push_back(layout_.extrinsics[c]);
-    of_cameras.push_back(BlocksOf(unknowns));
-  }
-  const std::span<const BundleObservation> observations = bundle->observations;
-  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
-    end = EndOfMarker(bundle->observations, begin);
-    AddMarker(observations.subspan(begin, end - begin),
-              of_cameras[static_cast<size_t>(observations[begin].camera)]);
-  }
-  priors_ = Priors();
-  for (size_t i = 0; i < priors_.size(); ++i) {
-    std::vector<int> unknowns;
-    for (const auto& [unknown, derivative] : priors_[i].J) unknowns.push_back(unknown);
-    const std::vector<Block*> blocks = BlocksOf(unknowns);
-    for (Block* block : blocks) block->is_shared |= blocks.size() > 1;
-    AddCost(1, blocks, [this, i](double* residuals, bool derive) {
-      residuals[0] = priors_[i].residual;
-      for (const auto& [unknown, derivative] : priors_[i].J) {
-        if (derive) J<1>(unknown, 1)(0, 0) += derivative;
-      }
-      return std::isfinite(residuals[0]);
-    });
-  }
-}
-
-void AllUnknowns::MakeBlocks() {
-  const auto add = [&](int size, bool ends_in_chart) {
-    if (size == 0) return;
-    const int first = static_cast<int>(std::ssize(block_of_));
-    block_of_.insert(block_of_.end(), static_cast<size_t>(size), blocks_.size());
-    blocks_.push_back({.first = first, .size = size, .ends_in_chart = ends_in_chart});
-  };
-  for (size_t c = 0; c < start_.cameras.size(); ++c) {
-    const bool extrinsics = layout_.extrinsics[c] >= 0;
-    int size = extrinsics ? 6 : 0;
-    for (size_t k = 0; k < layout_.params[c].size(); ++k) {
-      if (layout_.params[c][k] >= 0 && start_.Root(c, k) == ParamIndex{c, k}) ++size;
-    }
-    add(size, extrinsics);
-  }
-  for (const int target : layout_.targets) add(target >= 0 ? 6 : 0, true);
-  for (int m = layout_.head; m < layout_.total; m += UnknownLayout::kOfMarker) {
-    add(UnknownLayout::kOfMarker, false);
-  }
-  for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) add(6, true);
-  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) add(6, false);
-}
-
-std::vector<Block*> AllUnknowns::BlocksOf(const std::vector<int>& unknowns) {
-  std::vector<Block*> blocks;
-  for (const int unknown : unknowns) {
-    if (unknown >= 0) blocks.push_back(&blocks_[block_of_[static_cast<size_t>(unknown)]]);
-  }
-  std::ranges::sort(blocks);
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-  return blocks;
-}
-
-void AllUnknowns::AddCost(int count, const std::vector<Block*>& blocks, BlockCost::Rows rows) {
-  std::vector<double*> parameters;
-  for (Block* block : blocks) {
-    block->is_used = true;
-    parameters.push_back(x_.data() + block->first);
-  }
-  problem_->AddResidualBlock(new BlockCost(count, blocks, std::move(rows)), nullptr, parameters);
-}
-
-void AllUnknowns::AddMarker(std::span<const BundleObservation> observations,
-                            std::vector<Block*> blocks) {
-  const auto used = std::ranges::count(observations, true, &BundleObservation::used);
-  if (used == 0) return;
-  const BundleObservation& first = observations[0];
-  const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
-  std::vector<int> unknowns;
-  if (start_.fixed_frame != frame) unknowns.push_back(Pose(frame));
-  if (start_.EstimatesJitter()) unknowns.push_back(Jitter(start_.View(frame, c)));
-  if (const auto target = start_.FreeTarget(first.marker)) {
-    unknowns.push_back(layout_.targets[*target]);
-  }
-  if (layout_.markers) unknowns.push_back(layout_.Marker(first.marker));
-  std::ranges::copy(BlocksOf(unknowns), std::back_inserter(blocks));
-  AddCost(static_cast<int>(used * std::ssize(start_.cameras[c].model->measured)),
-          blocks,
-          [this, observations](double* residuals, bool derive) {
-            return SetMarker(observations, residuals, derive);
-          });
-}
-
-bool AllUnknowns::SetMarker(std::span<const BundleObservation> observations,
-                            double* residuals,
-                            bool derive) {
-  if (!within_domain_) return false;
-  const BundleObservation& first = observations[0];
-  const auto frame = static_cast<size_t>(first.frame), c = static_cast<size_t>(first.camera);
-  MarkerRows& rows = (derive ? derivatives_ : residuals_)[c];
-  if (!rows.Load(ViewOf(bundle_, frame, c),
-                 bundle_.markers[static_cast<size_t>(first.marker)].position,
-                 observations,
-                 {options_.loss, options_.loss_width})) {
-    return false;
-  }
-  const Eigen::Index count = rows.Count();
-  Eigen::Map<Eigen::VectorXd>(residuals, count) = rows.Residual();
-  if (!derive) return true;
-  ForEachDerivative(bundle_, layout_, c, rows, [&](int unknown, const auto& by) {
-    J<std::decay_t<decltype(by)>::ColsAtCompileTime>(unknown, count) += by;
-  });
-  const ViewCharts charts = ChartsOf(bundle_, frame, c);
-  if (start_.fixed_frame != frame) J<6>(Pose(frame), count) = rows.Pose() * charts.pose;
-  if (start_.EstimatesJitter()) {
-    J<6>(Jitter(start_.View(frame, c)), count) = rows.Pose() * charts.jitter;
-  }
-  const auto target = start_.FreeTarget(first.marker);
-  if (target && layout_.markers) {
-    // Markers are where they were at the start before the target has moved.
-    auto of_marker = J<3>(layout_.Marker(first.marker), count);
-    of_marker = (of_marker * bundle_.targets[*target].T_target_own.R *
-                 start_.targets[*target].T_target_own.R.transpose())
-                    .eval();
-  }
-  return true;
-}
-
-// Of used blocks, so that they are the same ones at each point.
-std::vector<SparseRow> AllUnknowns::Priors() const {
-  std::vector<SparseRow> rows = RowsOfPriors(bundle_, layout_);
-  const auto position = [&](int marker) {
-    const int first = layout_.Marker(marker);
-    return IsUsed(first) ? first : -1;
-  };
-  std::ranges::move(RowsOfDistances(bundle_, position), std::back_inserter(rows));
-  const auto add = [&](int first, const auto& weight, const auto& value) {
-    const auto residual = (weight * value).eval();
-    for (Eigen::Index r = 0; IsUsed(first) && r < residual.size(); ++r) {
-      rows.push_back({.J = {}, .residual = residual[r]});
-      for (int i = 0; i < residual.size(); ++i) rows.back().J.emplace_back(first + i, weight(r, i));
-    }
-  };
-  for (size_t m = 0; start_.marker_freedom.HasTolerance() && m < start_.markers.size(); ++m) {
-    const int first = layout_.Marker(static_cast<int>(m));
-    const BundleMarker& marker = start_.markers[m];
-    add(first,
-        Eigen::Matrix3d(Eigen::Matrix3d::Identity() / start_.marker_freedom.Sigma()),
-        Eigen::Vector3d(marker.position + x_.segment<3>(first) - marker.nominal));
-  }
-  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
-    const size_t frame = view / start_.cameras.size(), c = view % start_.cameras.size();
-    add(Jitter(view), JitterWeight(start_, frame, c), bundle_.jitter.delta[view]);
-  }
-  return rows;
-}
-
-void AllUnknowns::SetBundle() {
-  static_cast<BundleState&>(bundle_) = start_;
-  const Eigen::VectorXd step = x_ - x_start_;
-  Move(layout_, step, &bundle_);
-  for (size_t frame = 0; frame < start_.T_rig_target.size(); ++frame) {
-    RigidTransform& T_rig_target = bundle_.T_rig_target[frame];
-    T_rig_target = Retract(T_rig_target, step.segment<6>(Pose(frame)));
-  }
-  for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
-    bundle_.jitter.delta[view] += step.segment<6>(Jitter(view));
-  }
-  within_domain_ = WithinDomain(bundle_, has_data_);
-  priors_ = Priors();
-}
-
-int AllUnknowns::CountUsed(int begin, int end) const {
-  int count = 0;
-  for (const Block& block : blocks_) {
-    if (block.is_used && block.first >= begin && block.first < end) count += block.size;
-  }
-  return count;
-}
-
-ceres::Solver::Options AllUnknowns::SolverOptions() {
-  // The blocks that are eliminated first must not share residuals: the jitter of the views when
-  // there is any, else the poses; or the markers, where they are more unknowns. The rest is small
-  // and dense.
-  const int end = static_cast<int>(x_.size());
-  std::pair eliminated =
-      start_.EstimatesJitter() ? std::pair{Jitter(0), end} : std::pair{Pose(0), Jitter(0)};
-  if (CountUsed(layout_.head, layout_.total) > CountUsed(eliminated.first, eliminated.second)) {
-    eliminated = {layout_.head, layout_.total};
-  }
-  ceres::Solver::Options solver;
-  solver.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (const Block& block : blocks_) {
-    if (!block.is_used) continue;
-    const bool first =
-        block.first >= eliminated.first && block.first < eliminated.second && !block.is_shared;
-    solver.linear_solver_ordering->AddElementToGroup(x_.data() + block.first, first ? 0 : 1);
-  }
-  const int dense = CountUsed(0, end) - CountUsed(eliminated.first, eliminated.second);
-  solver.linear_solver_type = dense <= (start_.HasLandmarks() ? kMaxDensePoses : kMaxDenseUnknowns)
-                                  ? ceres::DENSE_SCHUR
-                                  : ceres::SPARSE_SCHUR;
-  // On which parameters of a local model a point depends changes during the solve, so that no
-  // blocks of unknowns can state it.
-  if (EstimatesLocalModel(bundle_)) {
-    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    solver.dynamic_sparsity = true;
-  }
-  solver.num_threads = 1;
-  solver.logging_type = ceres::SILENT;
-  solver.max_num_iterations = options_.max_iterations;
-  solver.function_tolerance = options_.cost_tolerance;
-  solver.gradient_tolerance = kGradientTolerance;
-  solver.parameter_tolerance = kStepTolerance;
-  solver.initial_trust_region_radius = FirstTrustRegion(options_);
-  return solver;
-}
-
-void AllUnknowns::Solve(AdjustSummary* summary) {
-  const StepBounds bounds = BoundsOfStep(layout_, start_);
-  for (int i = 0; i < layout_.head; ++i) {
-    const Block& block = BlockOf(i);
-    double* const values = x_.data() + block.first;
-    if (!block.is_used) continue;
-    if (std::isfinite(bounds.lower[i])) {
-      problem_->SetParameterLowerBound(values, i - block.first, x_start_[i] + bounds.lower[i]);
-    }
-    if (std::isfinite(bounds.upper[i])) {
-      problem_->SetParameterUpperBound(values, i - block.first, x_start_[i] + bounds.upper[i]);
-    }
-  }
-  ceres::Solver::Options solver = SolverOptions();
-  solver.callbacks.push_back(this);
-  ceres::Solver::Summary solved;
-  ceres::Solve(solver, &*problem_, &solved);
-  if (summary->iterations == 0) summary->cost_before = solved.initial_cost;
-  summary->usable = solved.IsSolutionUsable();
-  summary->converged = solved.termination_type == ceres::CONVERGENCE;
-  summary->stopped = solved.termination_type == ceres::USER_FAILURE;
-  summary->iterations += static_cast<int>(solved.iterations.size());
-  summary->cost = solved.final_cost;
-  summary->message = solved.message;
-  if (!summary->usable) x_ = x_start_;
-  SetBundle();
-}
 
 }  // namespace
 

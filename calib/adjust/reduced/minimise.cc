@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "calib/adjust/poses.h"
 
@@ -36,17 +37,13 @@ Step DampedStep(const ReducedProblem::Linearisation& at,
   const Eigen::VectorXd lower = bounds.lower.cwiseQuotient(unit),
                         upper = bounds.upper.cwiseQuotient(unit);
   Eigen::VectorXd step = Eigen::VectorXd::Zero(size);
-  std::vector<bool> stopped(static_cast<size_t>(size));
-  for (Eigen::Index i = 0; i < size; ++i) {
-    stopped[static_cast<size_t>(i)] = gradient[i] > 0 ? lower[i] == 0 : upper[i] == 0;
-  }
+  Eigen::Array<bool, Eigen::Dynamic, 1> stopped =
+      (gradient.array() > 0).select(lower.array() == 0, upper.array() == 0);
   double damping = 0;
   for (bool again = true; again;) {
     Eigen::MatrixXd free = matrix;
-    Eigen::VectorXd right = gradient;
     for (Eigen::Index i = 0; i < size; ++i) {
-      if (!stopped[static_cast<size_t>(i)]) continue;
-      right += matrix.col(i) * step[i];
+      if (!stopped[i]) continue;
       free.row(i).setZero();
       free.col(i).setZero();
       free(i, i) = 1;
@@ -59,42 +56,20 @@ Step DampedStep(const ReducedProblem::Linearisation& at,
       damped.diagonal().array() += damping;
       factor.compute(damped);
     } while (factor.info() != Eigen::Success && damping < 1);
-    const Eigen::VectorXd solved = -factor.solve(right);
-    again = false;
-    for (Eigen::Index i = 0; i < size; ++i) {
-      if (stopped[static_cast<size_t>(i)]) continue;
-      step[i] = std::clamp(solved[i], lower[i], upper[i]);
-      if (step[i] != solved[i]) stopped[static_cast<size_t>(i)] = again = true;
-    }
+    // The step is zero but where unknowns have stopped.
+    const Eigen::VectorXd solved =
+        -factor.solve(Eigen::VectorXd(gradient + matrix * stopped.select(step, 0).matrix()));
+    const Eigen::VectorXd within = solved.cwiseMax(lower).cwiseMin(upper);
+    const auto stop = (!stopped && within.array() != solved.array()).eval();
+    step = stopped.select(step, within);
+    stopped = stopped || stop;
+    again = stop.any();
   }
   // -(gradient + matrix step / 2)' step, without the product where the step solves the equations:
   // along directions of little information it is the rounding of `matrix`.
-  Eigen::VectorXd change = -gradient - damping * step;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    if (stopped[static_cast<size_t>(i)]) change[i] = matrix.row(i).dot(step);
-  }
+  const Eigen::VectorXd change = stopped.select(matrix * step, -gradient - damping * step);
   return {unit.cwiseProduct(step), -step.dot(gradient + change / 2)};
 }
-
-// The trust region of Levenberg and Marquardt as Nielsen (1999) changes it.
-class TrustRegion {
- public:
-  explicit TrustRegion(double radius) : radius_(radius) {}
-  [[nodiscard]] double Radius() const { return radius_; }
-  [[nodiscard]] bool IsEmpty() const { return radius_ < 1e-32; }
-  // `quality`: gain of the step over the predicted one.
-  void Accept(double quality) {
-    radius_ = std::min(1e16, radius_ / std::max(1.0 / 3, 1 - std::pow(2 * quality - 1, 3)));
-    decrease_ = 2;
-  }
-  void Reject() {
-    radius_ /= decrease_;
-    decrease_ *= 2;
-  }
-
- private:
-  double radius_, decrease_ = 2;
-};
 
 }  // namespace
 
@@ -210,7 +185,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
   }
   const Eigen::VectorXd unit = at->diagonal.unaryExpr(
       [](double square) { return square > 0 ? 1 / std::sqrt(square) : 1.0; });
-  TrustRegion region(FirstTrustRegion(options));
+  double radius = FirstTrustRegion(options), decrease = 2;  // as Nielsen (1999) changes them
   double own_part = 1;
   double rounding = kRoundingOfStep * Values(problem.Layout(), *bundle).norm();
   StepBounds bounds = BoundsOfStep(problem.Layout(), *bundle);
@@ -227,12 +202,12 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
       summary.message = "the most iterations are done";
       break;
     }
-    const auto [step, predicted] = DampedStep(*at, bounds, unit, region.Radius());
+    const auto [step, predicted] = DampedStep(*at, bounds, unit, radius);
     problem.MoveFrom(*at, step, own_part);
     const double cost = SquaresWithPoses(problem, at->squares, bundle) / 2;
     const double gain = summary.cost - cost;
     summary.converged = step.norm() <= rounding ||
-                        std::abs(gain) <= options.cost_tolerance * summary.cost || region.IsEmpty();
+                        std::abs(gain) <= options.cost_tolerance * summary.cost || radius < 1e-32;
     if (summary.converged) {
       summary.usable = true;
       summary.message = "converged";
@@ -240,7 +215,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
     }
     own_part /= 2;
     if (!(predicted > 0) || !(gain > kLeastQuality * predicted)) {
-      region.Reject();
+      radius /= std::exchange(decrease, 2 * decrease);
       continue;
     }
     SetAtBounds(bundle);
@@ -250,7 +225,8 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
       summary.message = "residuals have no derivatives after a step";
       break;
     }
-    region.Accept(gain / predicted);
+    radius = std::min(1e16, radius / std::max(1.0 / 3, 1 - std::pow(2 * gain / predicted - 1, 3)));
+    decrease = 2;
     own_part = 1;
     rounding = kRoundingOfStep * Values(problem.Layout(), *bundle).norm();
     bounds = BoundsOfStep(problem.Layout(), *bundle);

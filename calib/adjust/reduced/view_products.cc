@@ -2,56 +2,79 @@
 #include "calib/adjust/reduced/view_products.h"
 
 #include <algorithm>
-#include <type_traits>
+#include <optional>
 
 namespace plenocal::internal {
 
 ViewProducts::ViewProducts(const Bundle& bundle, const UnknownLayout& layout, size_t camera)
     : bundle_(bundle),
       layout_(layout),
-      camera_(camera),
       sparse_(bundle.cameras[camera].model->support_size > 0 || bundle.targets.size() > 1),
-      columns_(UnknownsOf(layout, camera)),
-      own_column_(static_cast<size_t>(layout.head)) {
-  for (size_t i = 0; i < columns_.size(); ++i) {
-    own_column_[static_cast<size_t>(columns_[i])] = static_cast<Eigen::Index>(i);
+      extrinsics_(layout.extrinsics[camera] >= 0) {
+  const std::vector<int>& params = layout.params[camera];
+  for (size_t k = 0; k < params.size(); ++k) {
+    if (params[k] < 0) continue;
+    const auto column = std::find(columns_.begin(), columns_.end(), params[k]);
+    free_.emplace_back(static_cast<Eigen::Index>(k), column - columns_.begin());
+    if (column == columns_.end()) columns_.push_back(params[k]);
+  }
+  own_params_ = std::ssize(columns_);
+  for (int i = 0; extrinsics_ && i < 6; ++i) columns_.push_back(layout.extrinsics[camera] + i);
+  for (const int target : layout.targets) {
+    target_columns_.push_back(std::ssize(columns_));
+    for (int i = 0; target >= 0 && i < 6; ++i) columns_.push_back(target + i);
   }
   columns_.push_back(layout.total);
   own_ = std::ssize(columns_);
-  panel_ = ZeroRows(own_ + 6, sparse_ ? 4 : kPanelColumns);
+  row_.resize(own_ + 6);
+  if (!sparse_) panel_ = ZeroRows(own_ + 6, kPanelColumns);
   product_ = Eigen::MatrixXd::Zero(sparse_ ? 6 : own_ + 6, own_ + 6);
   marker_.resize(own_ + 6, UnknownLayout::kOfMarker);
   square_ = Eigen::MatrixXd::Zero(own_, own_);
   marker_cross_ = Eigen::MatrixXd::Zero(own_, layout.Markers());
 }
 
+void ViewProducts::SetRow(const MarkerRows& rows, Eigen::Index r) {
+  row_.setZero();
+  const auto params = rows.Params().row(r);
+  for (const auto& [param, column] : free_) row_[column] += params[param];
+  if (extrinsics_) row_.segment<6>(own_params_) = rows.Extrinsics().row(r);
+  row_[own_ - 1] = rows.Residual()[r];
+  row_.tail<6>() = rows.Pose().row(r);
+  const std::optional<size_t> target = bundle_.FreeTarget(rows.Marker());
+  if (!target) return;
+  row_.segment<6>(target_columns_[*target]) =
+      rows.Position().row(r) *
+      PointByTargetPose(bundle_.targets[*target].T_target_own,
+                        bundle_.markers[static_cast<size_t>(rows.Marker())].position);
+}
+
 void ViewProducts::Add(const MarkerRows& rows, SixColumns* cross, Eigen::MatrixXd* S) {
-  const Eigen::Index count = rows.Count();
-  if (used_ + count > panel_.cols()) Flush();
-  if (count > panel_.cols()) panel_ = ZeroRows(own_ + 6, RoundUpToFour(count));
-  auto J = panel_.block(0, used_, own_ + 6, count);
-  J.setZero();
-  ForEachDerivative(bundle_, layout_, camera_, rows, [&](int first, const auto& by) {
-    if (first >= layout_.head) return;
-    constexpr int kColumns = std::decay_t<decltype(by)>::ColsAtCompileTime;
-    J.template middleRows<kColumns>(own_column_[static_cast<size_t>(first)]) += by.transpose();
-  });
-  J.row(own_ - 1) = rows.Residual().transpose();
-  J.template bottomRows<6>() = rows.Pose().transpose();
-  if (layout_.markers) {
-    constexpr int kOfMarker = UnknownLayout::kOfMarker;
-    const int m = layout_.Marker(rows.Marker());
-    marker_.noalias() = J.lazyProduct(rows.Position());
-    marker_cross_.middleCols<kOfMarker>(m - layout_.head) += marker_.topRows(own_);
-    cross->middleRows<kOfMarker>(m) += marker_.bottomRows<6>().transpose();
-    S->block<kOfMarker, kOfMarker>(m, m) +=
-        rows.Position().transpose().lazyProduct(rows.Position());
+  constexpr int kOfMarker = UnknownLayout::kOfMarker;
+  marker_.setZero();
+  for (Eigen::Index r = 0; r < rows.Count(); ++r) {
+    SetRow(rows, r);
+    if (sparse_) {
+      AddSparse();
+    } else {
+      AddToPanel();
+    }
+    if (!layout_.markers) continue;
+    for (int k = 0; k < kOfMarker; ++k) {
+      marker_.col(k).noalias() += rows.Position()(r, k) * row_.transpose();
+    }
   }
-  if (sparse_) {
-    AddSparse(count);
-  } else {
-    used_ += count;
-  }
+  if (!layout_.markers) return;
+  const int m = layout_.Marker(rows.Marker());
+  marker_cross_.middleCols<kOfMarker>(m - layout_.head) += marker_.topRows(own_);
+  cross->middleRows<kOfMarker>(m) += marker_.bottomRows<6>().transpose();
+  S->block<kOfMarker, kOfMarker>(m, m) += rows.Position().transpose().lazyProduct(rows.Position());
+}
+
+void ViewProducts::AddToPanel() {
+  if (used_ == kPanelColumns) Flush();
+  double* const column = panel_.data() + used_++;
+  for (Eigen::Index i = 0; i < row_.size(); ++i) column[i * panel_.cols()] = row_[i];
 }
 
 void ViewProducts::Flush() {
@@ -62,19 +85,17 @@ void ViewProducts::Flush() {
   used_ = 0;
 }
 
-void ViewProducts::AddSparse(Eigen::Index rows) {
-  for (Eigen::Index r = 0; r < rows; ++r) {
-    touched_.clear();
-    for (Eigen::Index i = 0; i < own_; ++i) {
-      if (panel_(i, r) != 0) touched_.push_back(i);
-    }
-    const Vector6d E = panel_.col(r).segment<6>(own_);
-    for (const Eigen::Index i : touched_) {
-      for (const Eigen::Index k : touched_) square_(k, i) += panel_(i, r) * panel_(k, r);
-      product_.col(i) += panel_(i, r) * E;
-    }
-    product_.rightCols<6>().noalias() += E * E.transpose();
+void ViewProducts::AddSparse() {
+  touched_.clear();
+  for (Eigen::Index i = 0; i < own_; ++i) {
+    if (row_[i] != 0) touched_.push_back(i);
   }
+  const auto E = row_.tail<6>();
+  for (const Eigen::Index i : touched_) {
+    for (const Eigen::Index k : touched_) square_(k, i) += row_[i] * row_[k];
+    product_.col(i) += row_[i] * E.transpose();
+  }
+  product_.rightCols<6>().noalias() += E.transpose() * E;
 }
 
 Matrix6d ViewProducts::EndView(SixColumns* cross) {

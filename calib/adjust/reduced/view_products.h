@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 #include <vector>
 
 #include "calib/adjust/layout.h"
@@ -34,20 +35,27 @@ class ViewProducts {
  private:
   static constexpr Eigen::Index kPanelColumns = 132;
 
+  // Sets `row_`.
+  void SetRow(const MarkerRows& rows, Eigen::Index r);
+  void AddToPanel();
   void Flush();
-  // Adds products of the panel's first rows, which are zero nearly everywhere.
-  void AddSparse(Eigen::Index rows);
+  // For rows that are zero nearly everywhere.
+  void AddSparse();
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
-  size_t camera_;
   bool sparse_;
-  std::vector<int> columns_;              // index of each own column in the reduced system
-  std::vector<Eigen::Index> own_column_;  // per unknown before the markers
-  Eigen::Index own_ = 0;                  // columns of J
-  std::vector<Eigen::Index> touched_;     // columns of J that differ from zero in a row
+  bool extrinsics_;
+  // Parameters that are estimated, each with its column; tied ones have the same.
+  std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
+  Eigen::Index own_params_ = 0;               // columns of parameters
+  std::vector<Eigen::Index> target_columns_;  // per target: first of its six columns
+  std::vector<int> columns_;                  // index of each own column in the reduced system
+  Eigen::Index own_ = 0;                      // columns of J
+  std::vector<Eigen::Index> touched_;         // columns of J that differ from zero in a row
 
-  RowMajorMatrix panel_;          // [J E] of the view, of sparse rows of one marker; transposed
+  Eigen::RowVectorXd row_;        // [J E]
+  RowMajorMatrix panel_;          // rows of the view, one column each
   Eigen::Index used_ = 0;         // columns of it
   Eigen::MatrixXd product_;       // [J E]' [J E] of the view, or of sparse rows E' [J E]
   Eigen::MatrixXd marker_;        // [J E]' M of one marker
