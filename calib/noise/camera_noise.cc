@@ -64,23 +64,24 @@ OwnVariance FitVariance(const std::vector<Square>& squares, double dimension, do
   constexpr double kAlike = 1e-3;  // relative spread of sigma^2 that separates them
   OwnVariance variance;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::Matrix2d A = Eigen::Matrix2d::Zero();  // normal equations
-    Eigen::Vector2d b = Eigen::Vector2d::Zero();
+    double w = 0, ws = 0, wss = 0, wy = 0, wsy = 0;
     for (const auto& [residual2, sigma2, left] : squares) {
       const double v = variance.Of(sigma2), weight = left / (v * v);
-      const Eigen::Vector2d row(sigma2, 1);
-      A += weight * row * row.transpose();
-      b += weight * residual2 / (left * dimension) * row;
+      const double y = residual2 / (left * dimension);
+      w += weight;
+      ws += weight * sigma2;
+      wss += weight * sigma2 * sigma2;
+      wy += weight * y;
+      wsy += weight * sigma2 * y;
     }
-    const OwnVariance scale_alone{b[0] / A(0, 0), 0};
-    if (A.determinant() <= kAlike * A(0, 0) * A(1, 1)) {
-      variance = scale_alone;
+    const double determinant = w * wss - ws * ws;
+    if (determinant <= kAlike * w * wss) {
+      variance = {wsy / wss, 0};
       break;
     }
-    const Eigen::Vector2d both = A.inverse() * b;
-    variance = {both[0], both[1]};
-    if (variance.scale2 <= 0) variance = {0, b[1] / A(1, 1)};
-    if (variance.additive2 <= 0) variance = scale_alone;
+    variance = {(w * wsy - ws * wy) / determinant, (wss * wy - ws * wsy) / determinant};
+    if (variance.scale2 <= 0) variance = {0, wy / w};
+    if (variance.additive2 <= 0) variance = {wsy / wss, 0};
   }
   double sum = 0;
   for (const auto& [residual2, sigma2, left] : squares) sum += residual2 / variance.Of(sigma2);
