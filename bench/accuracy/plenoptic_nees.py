@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Standard errors of plenoptic calibrations against the truth, over image sets of random cameras.
 
-    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0]
+    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0] [--tilt 8] [--quarter]
 
 Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens types, Galilean or Keplerian, micro images of
 12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
 sensor through thin micro lenses, the main lens' stop and its thin lens to the target: no line of it is a formula of
 models/start/plenoptic_model.h, which knows micro lenses as pinholes and no stop. A set that is there already is not rendered
-or calibrated again. Prints (estimate - truth) / sigma of all parameters and the means of their squares.
+or calibrated again. Prints (estimate - truth) / sigma of all parameters and the means of their squares. --tilt: arrays tilted by
+so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what `array_tilted` states. --quarter: two lens
+types, one lens in four of the second.
 Needs python3-numpy, python3-opencv, python3-scipy, python3-yaml.
 """
 import pathlib
@@ -44,7 +46,7 @@ def ramp(x):
 class Optics:
     """A camera; lengths in metres, image coordinates upright (the physical ones turned by 180 degrees)."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, tilt, quarter):
         random = np.random.default_rng(seed)
         self.random = random
         self.pixel = 5.5e-6
@@ -66,6 +68,8 @@ class Optics:
                                A_1=random.uniform(-0.001, 0.001) / half**4, B_0=random.uniform(-3e-4, 3e-4) / half,
                                B_1=random.uniform(-3e-4, 3e-4) / half)
         focus = np.quantile([near, far], (0.15, 0.5, 0.85)) if random.random() < 0.5 else [(near + far) / 2]
+        if quarter:
+            focus = np.quantile([near, far], (0.25, 0.75))
         self.f_micro = np.array([B * v / (v - 1) for v in focus])
         self.stop = 0.46 * pitch * self.pixel * b_L0 / B * random.uniform(0.95, 1)
         self.aperture = 0.35 * pitch * self.pixel * b_L0 / (b_L0 + B)
@@ -78,9 +82,15 @@ class Optics:
         offset = random.uniform(-0.5, 0.5, 2) * pitch * self.pixel
         reach = int(1.2 * self.size / pitch) + 3
         nodes = np.array([(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)])
-        centres = nodes @ basis.T + offset  # of micro images, undistorted
+        lenses = (nodes @ basis.T + offset) * (b_L0 / (b_L0 + B))
+        around = random.uniform(0, 2 * np.pi) if tilt else 0
+        self.tilt = 1e-3 * tilt * np.array([np.cos(around), np.sin(around)])
+        if tilt:
+            self.parameters.update(t_x=self.tilt[0], t_y=self.tilt[1])
+        centres = lenses * ((b_L0 + B) / (b_L0 - lenses @ self.tilt))[:, None]  # of micro images, undistorted
         keep = np.abs(centres).max(axis=1) < half + 30 * self.pixel
-        self.centres, self.types = centres[keep], ((nodes[:, 0] - nodes[:, 1]) % 3)[keep] % len(focus)
+        types = (nodes % 2).max(axis=1) ^ 1 if quarter else ((nodes[:, 0] - nodes[:, 1]) % 3) % len(focus)
+        self.lenses, self.centres, self.types = lenses[keep], centres[keep], types[keep]
         self.basis, self.offset, self.pitch = basis, offset, pitch
         self.index = {tuple(node): k for k, node in enumerate(nodes[keep])}
         self.find_pixels()
@@ -105,15 +115,15 @@ class Optics:
         shuffle = self.random.permutation(len(grid))
         for k in range(3):
             lens = self.near[:, k]
-            c_I = self.centres[lens]
-            c_ML = c_I * (p["b_L0"] / (p["b_L0"] + p["B"]))
+            c_ML = self.lenses[lens]
             inverse_f = (1 / self.f_micro)[self.types[lens]][:, None]
             for point, aside in zip(grid, halton[shuffle]):
                 sensor = self.place + self.right * aside[0] + self.down * aside[1]
                 a = point * self.aperture
-                slope = (c_ML + a - sensor) / p["B"]  # from the sensor to the micro lens
+                delta = ((c_ML + a) @ self.tilt)[:, None]
+                slope = (c_ML + a - sensor) / (p["B"] + delta)  # from the sensor to the micro lens
                 slope = slope - a * inverse_f
-                at_main = c_ML + a + slope * p["b_L0"]
+                at_main = c_ML + a + slope * (p["b_L0"] - delta)
                 passed = (at_main**2).sum(1) < self.stop**2
                 out = slope - at_main / p["f_L"]
                 # The scene is turned by 180 degrees against the sensor.
@@ -123,12 +133,14 @@ class Optics:
         """Light of a white field. Pixels are integrated exactly, so that the lattice is not worse than its noise."""
         p = self.parameters
         light = np.zeros(self.size**2)
-        magnified = p["b_L0"] / p["B"]  # from the sensor to the main lens
-        right, down = self.right * magnified, self.down * magnified
         for k in range(3):
             lens = self.near[:, k]
-            middle = self.centres[lens] / (1 + 1 / magnified) * (1 + magnified) - self.place * magnified
-            by_aperture = (1 + magnified - p["b_L0"] / self.f_micro)[self.types[lens]][:, None] * self.aperture
+            delta = (self.lenses[lens] @ self.tilt)[:, None]
+            b_L0 = p["b_L0"] - delta
+            magnified = b_L0 / (p["B"] + delta)  # from the sensor to the main lens
+            right, down = self.right * magnified, self.down * magnified
+            middle = self.lenses[lens] * (1 + magnified) - self.place * magnified
+            by_aperture = (1 + magnified - b_L0 / self.f_micro[self.types[lens]][:, None]) * self.aperture
             for point in points_of_disc():
                 at_main = middle + by_aperture * point
                 distance = np.linalg.norm(at_main, axis=1)
@@ -171,8 +183,8 @@ class Optics:
         return np.clip(np.rint(electrons * 255 / self.full_well), 0, 255).astype(np.uint8)
 
 
-def write_set(folder, seed, images=12):
-    camera = Optics(seed)
+def write_set(folder, seed, tilt, quarter, images=12):
+    camera = Optics(seed, tilt, quarter)
     p, random = camera.parameters, camera.random
     near, far = camera.distance
     middle = np.sqrt(near * far)
@@ -212,7 +224,7 @@ def write_set(folder, seed, images=12):
     for k in range(5):
         cv2.imwrite(str(folder / f"white/{k}.png"), camera.grey(light[0]))
     session = dict(target="target.yaml", cameras=dict(plenoptic=dict(
-        model="focused-plenoptic", images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
+        model="focused-plenoptic-tilt" if tilt else "focused-plenoptic", images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
     if camera.mosaic:
         session["cameras"]["plenoptic"]["bayer"] = "RGGB"
     save(folder / "session.yaml", session)
@@ -220,6 +232,16 @@ def write_set(folder, seed, images=12):
                        types=len(camera.f_micro), f_micro=[float(f) for f in camera.f_micro], mosaic=bool(camera.mosaic),
                        target="chessboard" if camera.chessboard else "aprilgrid", full_well=int(camera.full_well), size=camera.size)
     save(folder / "truth.yaml", description)
+
+
+def tilt_named(program, folder):
+    """What `array_tilted` states of a calibration without the tilt."""
+    session = load(folder / "session.yaml")
+    session["cameras"]["plenoptic"]["model"] = "focused-plenoptic"
+    save(folder / "parallel.yaml", session)
+    result = common.calibrate(program, folder / "parallel.yaml", folder / "parallel")
+    stated = [finding["what"] for finding in result["verdict"]["findings"] if finding["code"] == "array_tilted"]
+    return f"{result['verdict']['grade']}: {stated[0] if stated else 'no tilt named'}"
 
 
 def tag_texture(size, columns, rows):
@@ -246,14 +268,17 @@ def main():
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--sets", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--tilt", type=float, default=0)
+    parser.add_argument("--quarter", action="store_true")
     arguments = parser.parse_args()
-    squares = {name: [] for name in NAMES}
-    print("set  " + "".join(f"{name:>7}" for name in NAMES) + "  camera")
+    names = NAMES + (("t_x", "t_y") if arguments.tilt else ())
+    squares = {name: [] for name in names}
+    print("set  " + "".join(f"{name:>7}" for name in names) + "  camera")
     for seed in range(arguments.first, arguments.first + arguments.sets):
         folder = arguments.out / f"{seed:02}"
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / "truth.yaml").exists():
-            write_set(folder, seed)
+            write_set(folder, seed, arguments.tilt, arguments.quarter)
         truth = load(folder / "truth.yaml")
         result = folder / "result/calibration.yaml"
         if not result.exists():
@@ -264,15 +289,17 @@ def main():
                 continue
         camera = load(result)["cameras"]["plenoptic"]
         line = f"{seed:3}  "
-        for name in NAMES:
+        for name in names:
             z = (camera["parameters"][name] - truth["parameters"][name]) / camera["sigma"][name]
             squares[name].append(z * z)
             line += f"{z:7.2f}"
         p = truth["parameters"]
         print(line + f"  f_L {1e3 * p['f_L']:.1f} mm, pitch {truth['pitch']:.1f} px, {truth['types']} types, {truth['target']}"
-              f"{', mosaic' if truth['mosaic'] else ''}{', Keplerian' if p['b_L0'] > p['f_L'] else ''}", flush=True)
-    print("mean " + "".join(f"{np.mean(squares[name]):7.2f}" for name in NAMES))
-    everything = np.concatenate([squares[name] for name in NAMES])
+              f"{', mosaic' if truth['mosaic'] else ''}{', Keplerian' if p['b_L0'] > p['f_L'] else ''}, {len(camera.get('lens_types', []))} types found", flush=True)
+        if arguments.tilt:
+            print(f"     {tilt_named(arguments.program, folder)}", flush=True)
+    print("mean " + "".join(f"{np.mean(squares[name]):7.2f}" for name in names))
+    everything = np.concatenate([squares[name] for name in names])
     print(f"mean of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
 
 

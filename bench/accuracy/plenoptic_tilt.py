@@ -6,7 +6,8 @@
 
 Simulated detections (0.03 px noise, no images) of a focused plenoptic camera of 1400 x 1400 px in 18 frames before an AprilGrid;
 the tilt's direction is drawn for each seed. Calibrates with focused-plenoptic-tilt and prints the largest |error| / sigma of the
-two angles, the mean of (error / sigma)^2 of these and of all parameters, and how often `try` recommends the tilted model.
+two angles, the mean of (error / sigma)^2 of these and of all parameters, and how often `try` recommends the tilted model. Calibrates
+with focused-plenoptic, too, and prints how often `array_tilted` is named and the largest relative error of its angle.
 """
 import math
 import pathlib
@@ -15,7 +16,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
-from common import load, mean_square
+from common import load, mean_square, save
 
 MODEL = "focused-plenoptic-tilt"
 NOISE_PX = 0.03
@@ -34,6 +35,15 @@ def specification(seed, tilt_mrad):
     return {"seed": seed + 1, "poses": {"kind": "varied", "frames": 18, "distance": [0.3, 0.8], "partial": 0.3}, "cameras": {"plenoptic": camera}}
 
 
+def angle_named(program, folder):
+    """The angle of `array_tilted` on a calibration without the tilt, rad, in a list; empty where it is not named."""
+    session = load(folder / "set/session.yaml")
+    session["cameras"]["plenoptic"]["model"] = "focused-plenoptic"
+    save(folder / "set/parallel.yaml", session)
+    result = common.calibrate(program, folder / "set/parallel.yaml", folder / "parallel")
+    return [finding["value"] for finding in result["verdict"]["findings"] if finding["code"] == "array_tilted"]
+
+
 def main():
     parser = common.parser(__doc__, "program")
     parser.add_argument("out", type=pathlib.Path)
@@ -41,9 +51,9 @@ def main():
     parser.add_argument("--tilts", type=float, nargs="+", default=[0, 0.3, 0.8, 2])
     parser.add_argument("--no-try", action="store_true")
     arguments = parser.parse_args()
-    print("tilt mrad  seeds  worst angle  mean square: angles  all parameters  try recommends the tilt")
+    print("tilt mrad  seeds  worst angle  mean square: angles  all parameters  try recommends the tilt  array_tilted named  angle off")
     for tilt in arguments.tilts:
-        angles, everything, chosen = [], [], 0
+        angles, everything, chosen, named = [], [], 0, []
         for seed in range(arguments.seeds):
             folder = arguments.out / f"{tilt:g}_{seed:02}"
             folder.mkdir(parents=True, exist_ok=True)
@@ -53,12 +63,14 @@ def main():
             z = {key: (value - truth["parameters"][key]) / camera["sigma"][key] for key, value in camera["parameters"].items()}
             angles += [z["t_x"], z["t_y"]]
             everything += z.values()
+            named += angle_named(arguments.program, folder)
             if not arguments.no_try:
                 common.run(arguments.program, "try", folder / "set/session.yaml", "-o", folder / "try", "--models", "focused-plenoptic",
                     MODEL, "--quiet")
                 chosen += load(folder / "try/try.yaml")["recommended"] == MODEL
         print(f"{tilt:9g}  {arguments.seeds:5}  {max(map(abs, angles)):11.2f}  {mean_square(angles):19.2f}"
-              f"  {mean_square(everything):14.2f}  {'-' if arguments.no_try else chosen:>23}", flush=True)
+              f"  {mean_square(everything):14.2f}  {'-' if arguments.no_try else chosen:>23}  {len(named):18}"
+              f"  {max((abs(1e3 * angle / tilt - 1) for angle in named if tilt > 0), default=0):9.1%}", flush=True)
 
 
 if __name__ == "__main__":

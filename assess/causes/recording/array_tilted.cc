@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A micro-lens array that is tilted against the sensor, before a model without a tilt.
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "assess/causes/cause.h"
+#include "calib/adjust/rows.h"
+#include "calib/base/statistics.h"
+#include "calib/noise/uncertainty.h"
+
+namespace plenocal {
+namespace {
+
+constexpr double kTiltLevel = 1e-3;  // false alarms, a camera
+
+/// Places of the distances among the parameters of a plenoptic model without a tilt
+/// (models/start/plenoptic_model.h).
+struct Distances {
+  size_t f_L, b_L0, B, b_P, c_x, c_y;
+
+  static std::optional<Distances> Of(const CameraModel& model) {
+    const auto find = [&](std::string_view name) {
+      return static_cast<size_t>(std::ranges::find(model.params, name, &Param::name) -
+                                 model.params.begin());
+    };
+    const size_t count = model.params.size();
+    Distances of{find("f_L"), find("b_L0"), find("B"), find("b_P"), find("c_x"), find("c_y")};
+    if (!model.plenoptic || find("t_x") < count || of.B == count) return std::nullopt;
+    if (of.b_P == count) of.b_P = of.b_L0;
+    return of;
+  }
+};
+
+/// The two derivatives of a measured point by the tilt, 1 / rad, from those by the distances: its
+/// micro lens is t . c_ML farther from the sensor and nearer to main lens and pupil. Zeros outside
+/// the model's domain.
+Eigen::Matrix2d ByTilt(const Bundle& bundle, const BundleObservation& seen, const Distances& of) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(seen.camera)];
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J(2, camera.params.size());
+  Eigen::Vector2d residual;
+  if (!internal::Linearise(
+          camera,
+          internal::ViewOf(
+              bundle, static_cast<size_t>(seen.frame), static_cast<size_t>(seen.camera)),
+          bundle.markers[static_cast<size_t>(seen.marker)].position,
+          seen,
+          {.residual = residual.data(), .J_params = J.data()})) {
+    return Eigen::Matrix2d::Zero();
+  }
+  const auto column = [&](size_t k) { return J.col(static_cast<Eigen::Index>(k)); };
+  Eigen::Vector2d by_delta = column(of.B) - column(of.b_L0);
+  if (of.b_P != of.b_L0) by_delta -= column(of.b_P);
+  // The rows are those of measured less predicted, in standard deviations.
+  by_delta *= -camera.noise.OwnSigma(seen.assumed_sigma);
+  const std::vector<double>& p = camera.params;
+  const Eigen::Vector2d c_ML =
+      Eigen::Vector2d(seen.seen.values[2] - p[of.c_x], seen.seen.values[3] - p[of.c_y]) *
+      (camera.config[0] * p[of.b_P] / (p[of.b_P] + p[of.B]));
+  return by_delta * c_ML.transpose();
+}
+
+/// The bundle with the tilt as two more shared errors of a camera, in units of `unit` rad.
+Bundle WithTilt(Bundle bundle, size_t c, const Distances& of, double unit) {
+  BundleCamera& camera = bundle.cameras[c];
+  const auto stated =
+      static_cast<size_t>(std::ranges::count(camera.nuisances, &nuisances::kSharedError));
+  for (BundleObservation& observation : bundle.observations) {
+    if (observation.camera != static_cast<int>(c) || !observation.used) continue;
+    const Eigen::Matrix2d by_tilt = unit * ByTilt(bundle, observation, of);
+    std::vector<double> by_nuisance(2 * (stated + 2), 0.0);
+    for (size_t r = 0; r < 2; ++r) {
+      const auto row = by_nuisance.begin() + static_cast<std::ptrdiff_t>(r * (stated + 2));
+      if (!observation.by_nuisance.empty()) {
+        std::copy_n(
+            observation.by_nuisance.begin() + static_cast<std::ptrdiff_t>(r * stated), stated, row);
+      }
+      for (size_t k = 0; k < 2; ++k) {
+        row[static_cast<std::ptrdiff_t>(stated + k)] =
+            by_tilt(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k));
+      }
+    }
+    observation.by_nuisance = std::move(by_nuisance);
+  }
+  for (int k = 0; k < 2; ++k) AddNuisance(nuisances::kSharedError, 1, &camera);
+  return bundle;
+}
+
+/// Relative error of distances about `z` behind a micro lens that is `delta` farther from the
+/// sensor than assumed: T = K_1 + K_2 / z is inverse to B (docs/plenoptic.md).
+double DistanceError(const std::vector<double>& p, const Distances& of, double z, double delta) {
+  const double e = p[of.f_L] - p[of.b_L0];
+  const double K_1_per_K_2 = e * (e + p[of.b_P]) / (p[of.f_L] * p[of.f_L] * p[of.b_P]);
+  return std::abs(delta) / p[of.B] * std::abs(1 + K_1_per_K_2 * z);
+}
+
+double MedianDistance(const Bundle& bundle, size_t c) {
+  std::vector<double> distances;
+  for (size_t frame = 0; frame < bundle.T_rig_target.size(); ++frame) {
+    distances.push_back((bundle.cameras[c].T_camera_rig * bundle.T_rig_target[frame]).t.norm());
+  }
+  return Median(distances);
+}
+
+std::vector<Finding> FindTilt(const CauseEvidence& evidence) {
+  const Bundle& bundle = evidence.calibration->bundle;
+  const size_t c = evidence.camera;
+  const BundleCamera& camera = bundle.cameras[c];
+  const std::optional<Distances> of = Distances::Of(*camera.model);
+  if (!of || camera.params[of->B] <= 0) return {};
+  constexpr double kUnit = 0.1;  // rad, a weak prior: half of such an array would touch the sensor
+  const Uncertainty with = EstimateUncertainty(WithTilt(bundle, c, *of, kUnit));
+  const int first = with.param_index[c].end()[-2];
+  if (first < 0 || with.frames_gradient.size() == 0) return {};
+  // The other unknowns are at their optimum: their gradient is zero.
+  const Eigen::Matrix2d covariance = with.covariance.block<2, 2>(first, first);
+  const Eigen::Vector2d gradient = with.frames_gradient.segment<2>(first);
+  const Eigen::Vector2d t = -covariance * gradient;
+  const double F = t.dot(-gradient) / 2;
+  if (!(FTail(F, 2, with.redundancy[c]) < kTiltLevel)) return {};
+
+  const double half = std::min(camera.image_size[0], camera.image_size[1]) * camera.config[0] / 2;
+  const double z = MedianDistance(bundle, c), angle = kUnit * t.norm();
+  const double error = DistanceError(camera.params, *of, z, angle * half);
+  constexpr double kUsable = 0.003, kBad = 0.02;
+  if (error < kUsable) return {};
+  return {
+      {.code = "array_tilted",
+       .role = FindingRole::kCause,
+       .grade = error < kBad ? Grade::kUsable : Grade::kBad,
+       .value = angle,
+       .limit = 0,
+       .what = fmt::format(
+           "the micro-lens array is tilted against the sensor by about {:.2g} mrad (t_x {:.2g}, t_y {:.2g}), which {} "
+           "takes as parallel: distances at {:.2g} m are up to {:.2g} % off towards the edges of the image.",
+           1e3 * angle,
+           1e3 * kUnit * t.x(),
+           1e3 * kUnit * t.y(),
+           camera.model->name,
+           z,
+           100 * error),
+       .remedy = "Set model: focused-plenoptic-tilt, or compare both with 'plenocal try'."}};
+}
+
+}  // namespace
+
+Cause ArrayTiltedCause() { return {CauseStage::kPoints, FindTilt}; }
+
+}  // namespace plenocal
