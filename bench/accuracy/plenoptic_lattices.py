@@ -42,12 +42,14 @@ def measure(program, name, lenses):
         found = common.calibrate(program, folder / "set/session.yaml", folder / "out")["cameras"]["plenoptic"]
         true = common.load(folder / "set/truth/calibration.yaml")["cameras"]["plenoptic"]["parameters"]
         truth = centres(folder / "set/truth/micro_lenses_plenoptic.csv")
+        found_lenses = list(common.read_table(folder / "out/micro_lenses_plenoptic.csv"))
         squares = [min((x - u)**2 + (y - v)**2 for u, v in truth) for x, y in centres(folder / "out/micro_lenses_plenoptic.csv")]
     with_sigma = lambda key: (f"{100 * (found['parameters'][key] / true[key] - 1):.3f} "
                               f"({abs(found['parameters'][key] - true[key]) / found['sigma'][key]:.1f})")
     types = len(set(number for row in lenses.get("pattern", [range(len(lenses["focus"]))]) for number in row))
+    numbers = len({row["type"] for row in found_lenses})
     rms = (sum(squares) / len(squares) / 2)**0.5
-    common.row(name, types, f"{len(squares)} of {len(truth)}", f"{rms:.4f}", with_sigma("f_L"), with_sigma("B"))
+    common.row(name, f"{numbers} of {types}", f"{len(squares)} of {len(truth)}", f"{rms:.4f}", with_sigma("f_L"), with_sigma("B"))
 
 
 def main():

@@ -34,29 +34,62 @@ constexpr size_t kMostShared = 9;
 /// Grey values; keeps relative brightness finite in a black image.
 constexpr float kLeastBrightness = 1e-3f;
 
-/// Share of the variance of `values` that lies between the sets, outliers limited; 0 on average for
-/// random sets, and 0 where a set has fewer than three values.
-double ShareBetweenSets(const std::vector<double>& values,
-                        const std::vector<int>& sets,
-                        int set_count) {
-  const Spread spread = RobustSpread(values);
-  std::vector<double> sums(static_cast<size_t>(set_count)), counts(sums);
-  double total = 0, squares = 0;
-  for (size_t k = 0; k < values.size(); ++k) {
-    const double bound = kOutlierSigmas * spread.sigma;
-    const double value = std::clamp(values[k] - spread.middle, -bound, bound);
-    sums[sets[k]] += value;
-    counts[sets[k]] += 1;
-    total += value;
-    squares += value * value;
+/// The ways to give each of some sets one of `count` types such that all types occur. Types are
+/// numbered in the order of their first sets.
+std::vector<std::vector<int>> DivisionsIntoTypes(int sets, int count) {
+  std::vector<std::vector<int>> divisions{{}};
+  for (int set = 0; set < sets; ++set) {
+    std::vector<std::vector<int>> longer;
+    for (const std::vector<int>& division : divisions) {
+      const int next = division.empty() ? 0 : 1 + *std::ranges::max_element(division);
+      for (int type = 0; type <= std::min(next, count - 1); ++type) {
+        longer.push_back(division);
+        longer.back().push_back(type);
+      }
+    }
+    divisions = std::move(longer);
   }
-  const double n = static_cast<double>(values.size());
-  if (*std::min_element(counts.begin(), counts.end()) < 3) return 0;
-  const double all = squares - total * total / n;
-  double within = squares;
-  for (int c = 0; c < set_count; ++c) within -= sums[c] * sums[c] / counts[c];
-  return all > 0 ? 1 - within / (n - set_count) / (all / (n - 1)) : 0;
+  std::erase_if(divisions, [&](const std::vector<int>& division) {
+    return *std::ranges::max_element(division) != count - 1;
+  });
+  return divisions;
 }
+
+/// A quantity of the micro images: its sums over the sets of a pattern.
+struct SetSums {
+  std::vector<double> sum, count;  ///< per set
+  double squares = 0;              ///< over all
+
+  SetSums(const std::vector<double>& values, const std::vector<int>& set_of_value, int sets)
+      : sum(static_cast<size_t>(sets)), count(sum) {
+    for (size_t k = 0; k < values.size(); ++k) {
+      const auto set = static_cast<size_t>(set_of_value[k]);
+      sum[set] += values[k];
+      count[set] += 1;
+      squares += values[k] * values[k];
+    }
+  }
+
+  /// Share of the variance that lies between types; 0 on average for random types, and 0 where a
+  /// type has fewer than three values.
+  [[nodiscard]] double ShareBetweenTypes(const std::vector<int>& type_of_set, int types) const {
+    std::vector<double> type_sum(static_cast<size_t>(types)), type_count(type_sum);
+    double total = 0, n = 0;
+    for (size_t set = 0; set < sum.size(); ++set) {
+      const auto type = static_cast<size_t>(type_of_set[set]);
+      type_sum[type] += sum[set];
+      type_count[type] += count[set];
+      total += sum[set];
+      n += count[set];
+    }
+    if (*std::min_element(type_count.begin(), type_count.end()) < 3) return 0;
+    const double all = squares - total * total / n;
+    double within = squares;
+    for (size_t c = 0; c < type_sum.size(); ++c)
+      within -= type_sum[c] * type_sum[c] / type_count[c];
+    return all > 0 ? 1 - within / (n - types) / (all / (n - 1)) : 0;
+  }
+};
 
 }  // namespace
 
@@ -354,25 +387,36 @@ std::vector<std::pair<LatticeNode, Eigen::VectorXd>> MicroImages::Features() con
 MicroImages::Types MicroImages::FindTypes() {
   ModelLight();
   const auto features = Features();
-  const Eigen::Index count = features.empty() ? 0 : features.front().second.size();
-  std::vector<std::vector<double>> values(static_cast<size_t>(count));
-  for (const auto& [node, feature] : features) {
-    for (Eigen::Index f = 0; f < count; ++f) values[f].push_back(feature[f]);
+  const Eigen::Index quantities = features.empty() ? 0 : features.front().second.size();
+  std::vector<std::vector<double>> values(static_cast<size_t>(quantities));
+  for (size_t f = 0; f < values.size(); ++f) {
+    for (const auto& [node, feature] : features) {
+      values[f].push_back(feature[static_cast<Eigen::Index>(f)]);
+    }
+    const Spread spread = RobustSpread(values[f]);
+    const double bound = kOutlierSigmas * spread.sigma;
+    for (double& value : values[f]) value = std::clamp(value - spread.middle, -bound, bound);
   }
   Types best;
-  for (int set_count = 2; set_count <= kMostLensTypes; ++set_count) {
+  for (int count = 2; count <= kMostLensTypes; ++count) {
     Types larger;
-    for (const LensPattern& pattern : LensPatterns(set_count)) {
-      std::vector<int> sets;
-      sets.reserve(features.size());
-      for (const auto& [node, feature] : features) sets.push_back(pattern.Set(node));
-      for (const std::vector<double>& of_feature : values) {
-        const double share = ShareBetweenSets(of_feature, sets, set_count);
-        if (share > larger.share) larger = {.pattern = pattern, .share = share};
+    for (int sets = count; sets <= kMostLensTypes; ++sets) {
+      const std::vector<std::vector<int>> divisions = DivisionsIntoTypes(sets, count);
+      for (const LensPattern& pattern : LensPatterns(sets)) {
+        std::vector<int> set_of_image;
+        set_of_image.reserve(features.size());
+        for (const auto& [node, feature] : features) set_of_image.push_back(pattern.Set(node));
+        for (const std::vector<double>& of_quantity : values) {
+          const SetSums sums(of_quantity, set_of_image, sets);
+          for (const std::vector<int>& type_of_set : divisions) {
+            const double share = sums.ShareBetweenTypes(type_of_set, count);
+            if (share > larger.share) larger = {pattern, type_of_set, share};
+          }
+        }
       }
     }
     constexpr double kLeft = 0.5;  // of the variance that fewer types leave
-    if (1 - larger.share < kLeft * (1 - best.share)) best = larger;
+    if (1 - larger.share < kLeft * (1 - best.share)) best = std::move(larger);
   }
   return best;
 }

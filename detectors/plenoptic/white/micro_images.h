@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <map>
 #include <opencv2/core/mat.hpp>
 #include <utility>
@@ -38,15 +39,21 @@ class MicroImages {
 
   /// The usable micro images.
   [[nodiscard]] std::vector<LatticeMeasurement> Measurements() const;
-  /// A pattern of lens types.
+  /// Lens types: sets of a pattern, of which several may have one type.
   struct Types {
     LensPattern pattern;
-    double share = 0;  ///< of the variance between micro images, explained by the pattern
+    std::vector<int> type_of_set{0};
+    double share = 0;  ///< of the variance between micro images, explained by the types
+
+    [[nodiscard]] int Of(const LatticeNode& node) const {
+      return type_of_set[static_cast<size_t>(pattern.Set(node))];
+    }
+    [[nodiscard]] int Count() const { return 1 + *std::ranges::max_element(type_of_set); }
   };
-  /// The pattern of at most `kMostLensTypes` sets in which the micro images differ, as measured
-  /// with one common profile: the smallest that leaves less than twice the variance which any
-  /// larger one leaves. Compared are light in rings, brightness and size relative to the
-  /// neighbours; the quantity in which the sets differ most decides.
+  /// The types of at most `kMostLensTypes` sets in which the micro images differ, as measured with
+  /// one common profile: the fewest that leave less than twice the variance which any more leave.
+  /// Compared are light in rings, brightness and size relative to the neighbours; the quantity in
+  /// which the types differ most decides.
   [[nodiscard]] Types FindTypes();
 
   [[nodiscard]] const std::vector<LatticeNode>& Nodes() const { return nodes_; }

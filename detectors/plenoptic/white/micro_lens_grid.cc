@@ -128,11 +128,11 @@ Vector2d DisplacementByBending(const SmoothLattice& lattice,
   return square_radius / 8 * (laplacian + 2 * of_divergence);
 }
 
-std::vector<int> LensTypes(const MicroImages& images, const LensPattern& pattern) {
-  std::vector<int> types;
-  types.reserve(images.Nodes().size());
-  for (const LatticeNode& node : images.Nodes()) types.push_back(pattern.Set(node));
-  return types;
+std::vector<int> LensTypes(const MicroImages& images, const MicroImages::Types& types) {
+  std::vector<int> of_images;
+  of_images.reserve(images.Nodes().size());
+  for (const LatticeNode& node : images.Nodes()) of_images.push_back(types.Of(node));
+  return of_images;
 }
 
 /// Sets what the lattice determines.
@@ -173,7 +173,7 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
     std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
     const std::vector<Vector2d> centres = Positions(lattice, inside);
     images.Place(std::move(inside), centres);
-    images.Measure(LensTypes(images, types.pattern), types.pattern.Sets());
+    images.Measure(LensTypes(images, types), types.Count());
     // A profile per type once one common profile has found the positions.
     if (turn == 1) types = images.FindTypes();
     measurements = images.Measurements();
@@ -182,10 +182,10 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
   const std::vector<Vector2d> centres = Positions(lattice, inside);
   images.Place(inside, centres);
-  const std::vector<int> lens_types = LensTypes(images, types.pattern);
-  images.Measure(lens_types, types.pattern.Sets());
+  const std::vector<int> lens_types = LensTypes(images, types);
+  images.Measure(lens_types, types.Count());
   MicroLensGrid grid = MakeGrid(images, centres, lens_types);
-  grid.array.types = types.pattern.Sets();
+  grid.array.types = types.Count();
   SetLattice(lattice, measurements, size, &grid);
   Matrix2d in_middle;
   in_middle << grid.array.e_column, grid.array.e_row;

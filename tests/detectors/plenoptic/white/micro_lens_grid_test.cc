@@ -60,7 +60,7 @@ Comparison Compare(const RenderedField& truth,
     }
     hit[best] = true;
     sum += error * error;
-    ++types[field.Pattern().Set(lens.node)][array.lenses[best].type];
+    ++types[field.Type(lens.node)][array.lenses[best].type];
   }
   for (size_t i = 0; i < hit.size(); ++i) {
     if (!hit[i] && !near_edge(array.lenses[i].centre)) ++result.invented;
@@ -88,7 +88,7 @@ TEST_P(MicroLensGridCases, FindsEveryCentreAndType) {
   EXPECT_LE(found.rms, kCentreRms);
   EXPECT_EQ(found.missed, 0);
   EXPECT_EQ(found.invented, 0);
-  EXPECT_EQ(grid.array.types, field.Pattern().Sets());
+  EXPECT_EQ(grid.array.types, field.Types());
   EXPECT_EQ(found.wrong_types, 0);
   EXPECT_NEAR(grid.array.Pitch(), field.pitch * (1 + field.aspect) / 2, 0.01 * field.pitch);
   EXPECT_EQ(grid.array.Lattice(), field.lattice);
@@ -108,54 +108,57 @@ TEST_P(MicroLensGridCases, FindsEveryCentreAndType) {
 INSTANTIATE_TEST_SUITE_P(
     Arrays,
     MicroLensGridCases,
-    ::testing::Values(WhiteField{.size = {400, 300}, .pitch = 8},
-                      WhiteField{.size = {400, 300}, .pitch = 8, .rotation_deg = 90, .types = 1},
-                      WhiteField{
-                          .size = {401, 300}, .pitch = 10.5, .types = 1, .distortion = -0.01},
-                      WhiteField{.size = {500, 400}, .pitch = 14, .rotation_deg = 30},
-                      WhiteField{.pitch = 20, .rotation_deg = 90},
-                      WhiteField{.pitch = 20, .rotation_deg = 0, .offset = {0, 0}, .types = 1},
-                      WhiteField{.pitch = 20, .types = 1},
-                      WhiteField{.pitch = 20, .rotation_deg = -17, .distortion = 0.01},
-                      WhiteField{.pitch = 24, .distortion = -0.01},
-                      WhiteField{.pitch = 23.2, .tilt = 0.01},
-                      WhiteField{.pitch = 18, .images = 1, .gain_scatter = 0},
-                      WhiteField{.pitch = 18, .types = 1, .level = 1e7, .gain_scatter = 0},
-                      WhiteField{.pitch = 20, .dead = {{0, 0}, {5, 3}, {-4, 2}, {-3, 2}, {2, -6}}},
-                      WhiteField{.pitch = 20, .bayer = true},
-                      WhiteField{.size = {400, 300}, .pitch = 9, .types = 1, .bayer = true},
-                      WhiteField{.size = {700, 600}, .pitch = 34.9, .rotation_deg = 12},
-                      WhiteField{.size = {900, 800}, .pitch = 60, .rotation_deg = -25},
-                      WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .distortion = -0.003},
-                      WhiteField{.size = {436, 436},
-                                 .pitch = 15.57,
-                                 .rotation_deg = 0.3,
-                                 .types = 1,
-                                 .lattice = LatticeKind::kRectangular},
-                      WhiteField{.pitch = 20,
-                                 .rotation_deg = 31,
-                                 .types = 1,
-                                 .distortion = 0.01,
-                                 .lattice = LatticeKind::kRectangular},
-                      WhiteField{.pitch = 20,
-                                 .rotation_deg = -12,
-                                 .types = 1,
-                                 .lattice = LatticeKind::kRectangular,
-                                 .aspect = 1.2},
-                      WhiteField{.pitch = 22, .types = 4, .lattice = LatticeKind::kRectangular},
-                      // Bent micro images: 0.01 px RMS, were it not allowed for.
-                      WhiteField{.size = {480, 480}, .pitch = 24, .types = 1, .distortion = 0.015},
-                      // As on a chessboard, rows of two types, and types every fourth row.
-                      WhiteField{.pattern = LensPattern{.columns = 2, .rows = 1, .shift = 1},
-                                 .lattice = LatticeKind::kRectangular},
-                      WhiteField{.pattern = LensPattern{.columns = 1, .rows = 2}},
-                      WhiteField{.pattern = LensPattern{.columns = 1, .rows = 4}},
-                      WhiteField{.pattern = LensPattern{.columns = 2, .rows = 2, .shift = 1}}),
+    ::testing::Values(
+        WhiteField{.size = {400, 300}, .pitch = 8},
+        WhiteField{.size = {400, 300}, .pitch = 8, .rotation_deg = 90, .types = 1},
+        WhiteField{.size = {401, 300}, .pitch = 10.5, .types = 1, .distortion = -0.01},
+        WhiteField{.size = {500, 400}, .pitch = 14, .rotation_deg = 30},
+        WhiteField{.pitch = 20, .rotation_deg = 90},
+        WhiteField{.pitch = 20, .rotation_deg = 0, .offset = {0, 0}, .types = 1},
+        WhiteField{.pitch = 20, .types = 1},
+        WhiteField{.pitch = 20, .rotation_deg = -17, .distortion = 0.01},
+        WhiteField{.pitch = 24, .distortion = -0.01},
+        WhiteField{.pitch = 23.2, .tilt = 0.01},
+        WhiteField{.pitch = 18, .images = 1, .gain_scatter = 0},
+        WhiteField{.pitch = 18, .types = 1, .level = 1e7, .gain_scatter = 0},
+        WhiteField{.pitch = 20, .dead = {{0, 0}, {5, 3}, {-4, 2}, {-3, 2}, {2, -6}}},
+        WhiteField{.pitch = 20, .bayer = true},
+        WhiteField{.size = {400, 300}, .pitch = 9, .types = 1, .bayer = true},
+        WhiteField{.size = {700, 600}, .pitch = 34.9, .rotation_deg = 12},
+        WhiteField{.size = {900, 800}, .pitch = 60, .rotation_deg = -25},
+        WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .distortion = -0.003},
+        WhiteField{.size = {436, 436},
+                   .pitch = 15.57,
+                   .rotation_deg = 0.3,
+                   .types = 1,
+                   .lattice = LatticeKind::kRectangular},
+        WhiteField{.pitch = 20,
+                   .rotation_deg = 31,
+                   .types = 1,
+                   .distortion = 0.01,
+                   .lattice = LatticeKind::kRectangular},
+        WhiteField{.pitch = 20,
+                   .rotation_deg = -12,
+                   .types = 1,
+                   .lattice = LatticeKind::kRectangular,
+                   .aspect = 1.2},
+        WhiteField{.pitch = 22, .types = 4, .lattice = LatticeKind::kRectangular},
+        // Bent micro images: 0.01 px RMS, were it not allowed for.
+        WhiteField{.size = {480, 480}, .pitch = 24, .types = 1, .distortion = 0.015},
+        // As on a chessboard, rows of two types, and types every fourth row.
+        WhiteField{.pattern = LensPattern{.columns = 2, .rows = 1, .shift = 1},
+                   .lattice = LatticeKind::kRectangular},
+        WhiteField{.pattern = LensPattern{.columns = 1, .rows = 2}},
+        WhiteField{.pattern = LensPattern{.columns = 1, .rows = 4}},
+        WhiteField{.pattern = LensPattern{.columns = 2, .rows = 2, .shift = 1}},
+        // One lens in four, and one in three, of another type.
+        WhiteField{.pattern = LensPattern{.columns = 2, .rows = 2}, .type_of_set = {0, 0, 1, 0}},
+        WhiteField{.pitch = 26, .type_of_set = {0, 1, 0}}),
     [](const ::testing::TestParamInfo<WhiteField>& test) {
       const WhiteField& f = test.param;
       std::string name = "Case" + std::to_string(test.index) + "Pitch" +
                          std::to_string(static_cast<int>(f.pitch)) + "Types" +
-                         std::to_string(f.Pattern().Sets());
+                         std::to_string(f.Types());
       if (f.bayer) name += "Bayer";
       if (f.distortion != 0) name += "Distorted";
       if (f.lattice == LatticeKind::kRectangular) name += "Rectangular";

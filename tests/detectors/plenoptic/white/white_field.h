@@ -28,6 +28,7 @@ struct WhiteField {
   Eigen::Vector2d offset{0.37, -0.21};  // of one micro image from the middle, px
   int types = 3;                        // in the usual pattern
   std::optional<LensPattern> pattern = {};
+  std::vector<int> type_of_set = {};  // empty: each its own
   double distortion = 0;  // displacement at the corner over the distance from the middle
   double level = 3000;    // electrons where nothing is lost
   int images = 10;
@@ -44,6 +45,13 @@ struct WhiteField {
     if (types == 1) return {};
     if (lattice == LatticeKind::kHexagonal) return kThreeInterleaved;
     return {.columns = 2, .rows = 2};
+  }
+  [[nodiscard]] int Type(const LatticeNode& node) const {
+    const int set = Pattern().Set(node);
+    return type_of_set.empty() ? set : type_of_set[static_cast<size_t>(set)];
+  }
+  [[nodiscard]] int Types() const {
+    return type_of_set.empty() ? Pattern().Sets() : 1 + *std::ranges::max_element(type_of_set);
   }
 };
 
@@ -101,7 +109,7 @@ inline RenderedField Render(const WhiteField& field) {
       if (c.x() < -margin || c.y() < -margin || c.x() > w + margin || c.y() > h + margin) continue;
       const LatticeNode node{column, row};
       if (IsInside(c, field.size)) out.lenses.push_back({node, c});
-      const int type = field.Pattern().Set(node);
+      const int type = field.Type(node);
       const double gain =
           field.dead.contains({column, row}) ? 0.05 : 1 + field.gain_scatter * normal(random);
       const double radius = radii[type] * field.pitch;
