@@ -135,14 +135,14 @@ class Optics:
         light = np.zeros(self.size**2)
         for k in range(3):
             lens = self.near[:, k]
-            delta = (self.lenses[lens] @ self.tilt)[:, None]
-            b_L0 = p["b_L0"] - delta
-            magnified = b_L0 / (p["B"] + delta)  # from the sensor to the main lens
-            right, down = self.right * magnified, self.down * magnified
-            middle = self.lenses[lens] * (1 + magnified) - self.place * magnified
-            by_aperture = (1 + magnified - b_L0 / self.f_micro[self.types[lens]][:, None]) * self.aperture
             for point in points_of_disc():
-                at_main = middle + by_aperture * point
+                a = point * self.aperture
+                delta = ((self.lenses[lens] + a) @ self.tilt)[:, None]
+                b_L0 = p["b_L0"] - delta
+                magnified = b_L0 / (p["B"] + delta)  # from the sensor to the main lens
+                right, down = self.right * magnified, self.down * magnified
+                by_aperture = 1 + magnified - b_L0 / self.f_micro[self.types[lens]][:, None]
+                at_main = self.lenses[lens] * (1 + magnified) - self.place * magnified + by_aperture * a
                 distance = np.linalg.norm(at_main, axis=1)
                 across = at_main / distance[:, None]
                 # The pixel at the main lens is a parallelogram with these half sides across the stop's edge.

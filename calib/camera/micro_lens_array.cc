@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "calib/base/format_error.h"
+#include "calib/camera/camera_model.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/csv.h"
 
@@ -82,6 +83,11 @@ LatticeKind MicroLensArray::Lattice() const {
   Eigen::Matrix2d basis;
   basis << e_column, e_row;
   return KindOfLattice(basis);
+}
+
+bool HasTilt(const CameraModel& model) {
+  return model.plenoptic &&
+         std::ranges::find(model.params, "t_x", &Param::name) != model.params.end();
 }
 
 void SetLatticeVectors(MicroLensArray* array) {

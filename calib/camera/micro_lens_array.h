@@ -15,6 +15,8 @@
 
 namespace plenocal {
 
+struct CameraModel;
+
 /// One micro lens as raw images show it.
 struct MicroLens {
   int row = 0, column = 0;  ///< in the lattice: neighbours along e_column differ by 1 in `column`
@@ -45,6 +47,9 @@ struct MicroLensArray {
   /// Mean distance of neighbours at the middle of the image, px.
   [[nodiscard]] double Pitch() const { return (e_column.norm() + e_row.norm()) / 2; }
 };
+
+/// True where the array's tilt against the sensor is among a model's parameters.
+bool HasTilt(const CameraModel& model);
 
 /// Sets the lattice vectors from rows, columns and centres. Throws `Error` for too few micro
 /// lenses.

@@ -58,6 +58,7 @@ struct DetectOptions {
   /// White images of the camera: its vignetting is corrected before detection. May be empty.
   std::vector<FrameImage> white_images = {};
   std::optional<BayerOrder> bayer = {};  ///< of raw mosaics, which the white images are then too
+  bool tilted_array = false;             ///< the micro lenses may be tilted against the sensor
   int threads = 0;                       ///< 0: all cores
   /// Keeps the results of single images for later runs; null: they are not kept. Its keys must
   /// include what these results depend on and is not here: program and target.

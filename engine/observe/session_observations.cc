@@ -13,6 +13,7 @@
 #include "assess/causes/cause.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/files/detections.h"
 #include "calib/files/exclusion.h"
 #include "calib/files/frame_images.h"
@@ -123,6 +124,7 @@ class Collector {
         camera.model->plenoptic ? CameraOptics::kPlenoptic : CameraOptics::kOrdinary;
     DetectOptions detect{.white_images = images.white,
                          .bayer = camera.bayer,
+                         .tilted_array = HasTilt(*camera.model),
                          .threads = run_.threads,
                          .cache = places_.cache,
                          .report =

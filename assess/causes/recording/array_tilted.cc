@@ -11,6 +11,7 @@
 #include "assess/causes/cause.h"
 #include "calib/adjust/rows.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/noise/uncertainty.h"
 
 namespace plenocal {
@@ -30,7 +31,7 @@ struct Distances {
     };
     const size_t count = model.params.size();
     Distances of{find("f_L"), find("b_L0"), find("B"), find("b_P"), find("c_x"), find("c_y")};
-    if (!model.plenoptic || find("t_x") < count || of.B == count) return std::nullopt;
+    if (!model.plenoptic || HasTilt(model) || of.B == count) return std::nullopt;
     if (of.b_P == count) of.b_P = of.b_L0;
     return of;
   }

@@ -41,15 +41,20 @@ struct MarkerMeasurement {
 /// All measurements in one raw image by ascending marker number.
 using RawMeasurements = std::vector<MarkerMeasurement>;
 
-/// Linear interpolation in inverse virtual depth between the nearest and the farthest marker.
-class DepthInterpolation {
+/// The range of depths and places in which markers were measured.
+class MeasuredRange {
  public:
-  explicit DepthInterpolation(std::span<const RawMeasurements> images);
-  /// Weights of the values at the two ends.
-  [[nodiscard]] Eigen::Vector2d Weights(double inverse_depth) const;
+  explicit MeasuredRange(std::span<const RawMeasurements> images);
+  /// Of a linear interpolation in inverse virtual depth: weights of the values at the nearest and
+  /// at the farthest marker.
+  [[nodiscard]] Eigen::Vector2d DepthWeights(double inverse_depth) const;
+  /// A micro-image centre between the outermost ones, -1 to 1.
+  [[nodiscard]] Eigen::Vector2d Place(const Eigen::Vector2d& centre) const;
 
  private:
-  double low_ = std::numeric_limits<double>::infinity(), high_ = -low_;
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double low_ = kInfinity, high_ = -kInfinity;  ///< inverse depths
+  Eigen::Vector2d least_{kInfinity, kInfinity}, most_{-kInfinity, -kInfinity};
 };
 
 }  // namespace plenocal::internal

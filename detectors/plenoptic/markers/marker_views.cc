@@ -7,8 +7,8 @@
 namespace plenocal {
 namespace {
 
-using internal::DepthInterpolation;
 using internal::MarkerMeasurement;
+using internal::MeasuredRange;
 using internal::RawMeasurements;
 
 /// k_pixel, px^2: a pixel's area has a variance of 1 / 12, its point spread one of up to 0.6^2,
@@ -19,16 +19,21 @@ const double kPixelSigma = kPointSpread / std::sqrt(12.0);
 /// k, px^2: an aperture's covariance is about 1 where it blurs by a pixel.
 constexpr double kApertureSigma = 1;
 
-/// Displacement of a measurement by one standard deviation of k_pixel and of the two k of each lens
-/// type (at the nearest and at the farthest marker): rows x and y.
+/// Displacement of a measurement by one standard deviation of k_pixel, of the two k of each lens
+/// type (at the nearest and at the farthest marker) and, of a tilted array, of the two changes of
+/// these across it: B changes there, and the depth in focus with it. Rows x and y.
 std::vector<double> ByNuisance(int types,
-                               const DepthInterpolation& depths,
+                               const MeasuredRange& range,
+                               bool tilted,
                                const MarkerMeasurement& m) {
   using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
-  Rows by = Rows::Zero(2, 1 + 2 * types);
+  const int of_type = tilted ? 4 : 2;
+  Rows by = Rows::Zero(2, 1 + of_type * types);
   by.col(0) = kPixelSigma * m.vignetting_sensitivity.col(0);
-  by.middleCols<2>(1 + 2 * m.lens_type) = kApertureSigma * m.vignetting_sensitivity.col(1) *
-                                          depths.Weights(m.inverse_depth).transpose();
+  Eigen::RowVector4d k;
+  k << range.DepthWeights(m.inverse_depth).transpose(), range.Place(m.Centre()).transpose();
+  by.middleCols(1 + of_type * m.lens_type, of_type) =
+      kApertureSigma * m.vignetting_sensitivity.col(1) * k.head(of_type);
   return {by.data(), by.data() + by.size()};
 }
 
@@ -48,14 +53,15 @@ Observation ObservationOf(const MarkerMeasurement& m) {
 
 std::vector<View> MarkerViews(const std::vector<std::string>& frames,
                               int lens_types,
-                              const std::vector<RawMeasurements>& images) {
-  const DepthInterpolation depths(images);
+                              const std::vector<RawMeasurements>& images,
+                              bool tilted) {
+  const MeasuredRange range(images);
   std::vector<View> views;
   for (size_t i = 0; i < images.size(); ++i) {
     View view{.frame = frames[i], .observations = {}};
     for (const MarkerMeasurement& m : images[i]) {
       view.observations.push_back(ObservationOf(m));
-      view.by_nuisance.push_back(ByNuisance(lens_types, depths, m));
+      view.by_nuisance.push_back(ByNuisance(lens_types, range, tilted, m));
     }
     if (!view.observations.empty()) views.push_back(std::move(view));
   }

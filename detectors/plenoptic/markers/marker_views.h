@@ -15,9 +15,10 @@
 namespace plenocal {
 
 /// The views of a camera from the measurements of all its raw images, parallel to `frames`. Images
-/// without measurements have no view.
+/// without measurements have no view. `tilted`: vignetting changes across the array, too.
 std::vector<View> MarkerViews(const std::vector<std::string>& frames,
                               int lens_types,
-                              const std::vector<internal::RawMeasurements>& images);
+                              const std::vector<internal::RawMeasurements>& images,
+                              bool tilted);
 
 }  // namespace plenocal

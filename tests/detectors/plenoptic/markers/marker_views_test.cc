@@ -9,19 +9,24 @@ namespace TEST_FILE {
 using internal::MarkerMeasurement;
 using internal::RawMeasurements;
 
-MarkerMeasurement Seen(int marker, double inverse_depth, int lens_type) {
-  MarkerMeasurement m{
-      .observation = {.marker = marker, .values = {10, 20, 11, 19}, .detector_sigma = 0.1},
-      .inverse_depth = inverse_depth,
-      .lens_type = lens_type};
+// Of three lenses in a row; `place` -1 to 1.
+MarkerMeasurement Seen(int marker, double inverse_depth, int lens_type, int place) {
+  MarkerMeasurement m{.observation = {.marker = marker,
+                                      .values = {10, 20, 11.0 + 50 * place, 19},
+                                      .detector_sigma = 0.1},
+                      .inverse_depth = inverse_depth,
+                      .lens_type = lens_type};
   m.vignetting_sensitivity << 0.3, 0.1, -0.2, 0.5;
   m.depth_sensitivity = {0.7, -0.6};
   return m;
 }
 
 TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
-  const std::vector<View> views = MarkerViews(
-      {"a", "b", "c"}, 2, {{Seen(1, 0.5, 0), Seen(1, 0.25, 1)}, {}, {Seen(2, 0.25, 0)}});
+  const std::vector<View> views =
+      MarkerViews({"a", "b", "c"},
+                  2,
+                  {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}, {}, {Seen(2, 0.25, 0, 1)}},
+                  true);
   ASSERT_EQ(views.size(), 2U);
   EXPECT_EQ(views[1].frame, "c");
   const Observation& seen = views[0].observations[0];
@@ -33,10 +38,13 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
   constexpr double kMean = 1 / 12.0 + 0.18;
   EXPECT_NEAR(seen.values[0], 10 - 0.3 * kMean, 1e-12);
   EXPECT_NEAR(seen.values[1], 20 + 0.2 * kMean, 1e-12);
-  // Per coordinate: k_pixel, then far and near k of each type.
+  // Per coordinate: k_pixel, then of each type far and near k and its change to the right and down.
   const double of_pixel = 0.36 / std::sqrt(12.0);
-  const std::vector<double> near{0.3 * of_pixel, 0, 0.1, 0, 0, -0.2 * of_pixel, 0, 0.5, 0, 0};
-  const std::vector<double> far{0.3 * of_pixel, 0, 0, 0.1, 0, -0.2 * of_pixel, 0, 0, 0.5, 0};
+  const std::vector<double> near{
+      0.3 * of_pixel, 0, 0.1, 0, 0, 0, 0, 0, 0, -0.2 * of_pixel, 0, 0.5, 0, 0, 0, 0, 0, 0};
+  const std::vector<double> far{
+      0.3 * of_pixel, 0, 0, 0, 0, 0.1, 0, -0.1, 0, -0.2 * of_pixel, 0, 0, 0, 0, 0.5, 0, -0.5, 0};
+  ASSERT_EQ(views[0].by_nuisance[0].size(), near.size());
   for (size_t k = 0; k < near.size(); ++k) {
     EXPECT_NEAR(views[0].by_nuisance[0][k], near[k], 1e-12) << k;
     EXPECT_NEAR(views[0].by_nuisance[1][k], far[k], 1e-12) << k;
