@@ -210,7 +210,7 @@ std::string WeakText(const std::vector<WeakUnknowns>& weak, bool open, std::stri
 
 }  // namespace
 
-std::string Summary(const Calibration& calibration) {
+std::string Summary(const Calibration& calibration, const std::vector<WeakUnknowns>& weak) {
   const Bundle& bundle = calibration.bundle;
   std::string text =
       fmt::format("{}, {}, {}; {}, {}\n",
@@ -231,7 +231,6 @@ std::string Summary(const Calibration& calibration) {
     if (camera.Find(nuisances::kTimeShift)) text += TimeShiftText(calibration, c);
   }
   text += TargetPosesText(calibration) + TargetText(bundle);
-  const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, calibration.uncertainty);
   text += WeakText(weak, true, "\nNOT DETERMINED by these images:\n");
   text += WeakText(weak, false, "\nweakly determined by these images:\n");
   return text;

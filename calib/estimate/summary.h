@@ -4,14 +4,15 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "calib/estimate/calibrate.h"
 
 namespace plenocal {
 
 /// A calibration as text for the terminal: per camera the reprojection error, the parameters with
-/// their standard errors and the extrinsics, then the refined target and weakly determined
-/// unknowns. Ends in a newline.
-std::string Summary(const Calibration& calibration);
+/// their standard errors and the extrinsics, then the refined target and the weakly determined
+/// unknowns (`CalibrationRecord::weak`). Needs no observations. Ends in a newline.
+std::string Summary(const Calibration& calibration, const std::vector<WeakUnknowns>& weak);
 
 }  // namespace plenocal

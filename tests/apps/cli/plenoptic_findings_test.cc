@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A tilted micro-lens array before a model without a tilt: the cause is named, with its size.
+// Findings on plenoptic cameras, by simulated points: a tilted micro-lens array before a model
+// without a tilt; the remedy for parameters that the distances do not determine.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
@@ -12,39 +13,43 @@
 namespace plenocal::testing {
 namespace TEST_FILE {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-class ArrayTilted : public Workspace {
+class PlenopticFindings : public Workspace {
  protected:
-  // Calibrates points of a tilted camera (rad) by the model without a tilt.
-  std::string Calibrate(double t_x, double t_y) const {
+  // Calibrates points of a camera, whose array is tilted (rad), by the model without a tilt.
+  Outcome Calibrate(double t_x, double t_y, const std::string& poses) const {
     Write("target.yaml",
           "plenocal: 1\ntype: aprilgrid\ncolumns: 5\nrows: 5\nsize: 0.024\nspacing: 0.3\n"
           "tolerance: 0.0003\n");
     Write("spec.yaml",
           fmt::format(
-              "plenocal: 1\nseed: 5\ntarget: target.yaml\nposes: {{kind: varied, frames: 10, "
-              "distance: [0.3, 0.6], partial: 0.3}}\ncameras:\n  raw: {{model: "
+              "plenocal: 1\nseed: 5\ntarget: target.yaml\nposes: {{{}}}\ncameras:\n  raw: {{model: "
               "focused-plenoptic-tilt, image_size: [900, 900], pixel_size: 5.5e-6, "
               "detection_sigma: 0.03, parameters: {{f_L: 0.0161, b_L0: 0.0154, B: 0.00033, c_x: "
               "455, c_y: 441, A_0: -180, t_x: {}, t_y: {}}}, micro_lenses: {{pitch: 23, rotation: "
               "0.01, focus: [2.4, 3.1, 4.6]}}}}\n",
+              poses,
               t_x,
               t_y));
     EXPECT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, kDone);
     Write("set/session.yaml",
           Replaced(Read("set/session.yaml"), "focused-plenoptic-tilt", "focused-plenoptic"));
-    EXPECT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
-    return Read("out/calibration.yaml");
+    const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome;
   }
+
+  static constexpr const char* kManyDistances =
+      "kind: varied, frames: 10, distance: [0.3, 0.6], partial: 0.3";
 };
 
-TEST_F(ArrayTilted, IsNamedWithItsAngle) {
+TEST_F(PlenopticFindings, ATiltIsNamedWithItsAngle) {
   const double t_x = 0.0024, t_y = -0.0032;
-  EXPECT_THAT(Calibrate(t_x, t_y), HasSubstr("code: array_tilted"));
-  const YAML::Node findings = YAML::LoadFile(Path("out/calibration.yaml"))["verdict"]["findings"];
-  for (const YAML::Node& finding : findings) {
+  EXPECT_THAT(Calibrate(t_x, t_y, kManyDistances).out, HasSubstr("array_tilted"));
+  for (const YAML::Node& finding : Result()["verdict"]["findings"]) {
     if (finding["code"].as<std::string>() != "array_tilted") continue;
     // One linear step, with outliers rejected before the wrong model.
     EXPECT_NEAR(finding["value"].as<double>(), std::hypot(t_x, t_y), 0.15 * std::hypot(t_x, t_y));
@@ -53,8 +58,13 @@ TEST_F(ArrayTilted, IsNamedWithItsAngle) {
   }
 }
 
-TEST_F(ArrayTilted, IsNotNamedOfAParallelArray) {
-  EXPECT_THAT(Calibrate(0, 0), Not(HasSubstr("array_tilted")));
+TEST_F(PlenopticFindings, AParallelArrayIsNotNamed) {
+  EXPECT_THAT(Calibrate(0, 0, kManyDistances).out, Not(HasSubstr("array_tilted")));
+}
+
+TEST_F(PlenopticFindings, TheRemedyForOneDistanceStatesIt) {
+  EXPECT_THAT(Calibrate(0, 0, "kind: varied, frames: 2, distance: [0.4, 0.41]").out,
+              AllOf(HasSubstr("the target was seen from 0.3"), Not(HasSubstr("from inf"))));
 }
 
 }  // namespace TEST_FILE
