@@ -98,11 +98,14 @@ std::string GridMismatch(const cv::Mat& raw,
   if (!(whole.square > 0)) return "";
   if (IsWrong(whole) || whole.Sigma() >= kMostSigma) {
     return fmt::format(
-        "does not show micro images where the grid has them (agreement {:.2f}, 1 is expected; "
-        "mean grey value {:.1f}); it is too dark, not a raw plenoptic image, or of another camera "
-        "or setting than the white images",
+        "does not show micro images where the grid has them (agreement {:.2f} +- {:.2f}, 1 is "
+        "expected; mean grey value {:.1f}); it is {}",
         whole.Slope(),
-        cv::mean(raw)[0]);
+        whole.Sigma(),
+        cv::mean(raw)[0],
+        IsWrong(whole) ? "of another camera or setting than the white images or their grid, or not "
+                         "a raw plenoptic image"
+                       : "too dark, or not a raw plenoptic image");
   }
   const auto bad = static_cast<size_t>(std::count_if(parts.begin(), parts.end(), IsWrong));
   if (bad > 0) {

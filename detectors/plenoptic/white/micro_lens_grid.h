@@ -34,7 +34,7 @@ struct MicroLensGrid {
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads);
 
 /// Measures the micro images at the centres of a grid from another source. Keeps its centres and
-/// lens types; sets `usable`.
+/// lens types; sets `usable`. Throws `Error` of kind kJob when the grid is of another camera.
 MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, int threads);
 
 }  // namespace plenocal

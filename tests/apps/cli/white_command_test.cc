@@ -215,6 +215,11 @@ TEST_F(WhiteCommand, TakesTheGridOfARayCalibDataFile) {
       Run({"white", "white", "--model", "focused-plenoptic", "--grid", "grid.xml", "-o", "out"})
           .err,
       AllOf(HasSubstr("grid.xml"), HasSubstr("lens distortion (Brown) is not used")));
+  Write("grid.xml", Replaced(Read("grid.xml"), "<diameter>17", "<diameter>15.2"));
+  const Outcome foreign = Run(
+      {"white", "white", "--model", "focused-plenoptic", "--grid", "grid.xml", "-o", "foreign"});
+  EXPECT_EQ(foreign.status, kJobFailed);
+  EXPECT_THAT(foreign.err, HasSubstr("the grid does not fit the white images"));
 }
 
 }  // namespace TEST_FILE
