@@ -20,6 +20,36 @@ constexpr double kDarkest = 1e-4;
 /// noise out.
 constexpr double kSmoothing = 0.01;
 
+/// The four planes of a 2 x 2 raster, row by row.
+struct Planes {
+  Eigen::Array4d mean;  ///< relative to their mean; zeros of a black image
+  double sigma = 0;     ///< standard error of the difference of two
+};
+constexpr double kSure = 5;        // standard errors
+constexpr double kDiffers = 0.03;  // more than an array whose pitch is whole pixels does to planes
+
+Planes MeasurePlanes(const cv::Mat& white) {
+  constexpr int kTiles = 4;  // a side
+  Eigen::Array4d sum = Eigen::Array4d::Zero(), squares = Eigen::Array4d::Zero();
+  for (int tile = 0; tile < kTiles * kTiles; ++tile) {
+    const auto edge = [&](int length, int k) { return length / 2 * k / kTiles * 2; };
+    const int y0 = edge(white.rows, tile / kTiles), y1 = edge(white.rows, tile / kTiles + 1);
+    const int x0 = edge(white.cols, tile % kTiles), x1 = edge(white.cols, tile % kTiles + 1);
+    Eigen::Array4d mean = Eigen::Array4d::Zero();
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) mean[y % 2 * 2 + x % 2] += white.at<float>(y, x);
+    }
+    if (!(mean.mean() > 0)) return {Eigen::Array4d::Zero(), 0};
+    mean /= mean.mean();
+    sum += mean;
+    squares += mean.square();
+  }
+  constexpr int kCount = kTiles * kTiles;
+  const Eigen::Array4d mean = sum / kCount;
+  const Eigen::Array4d variance = (squares / kCount - mean.square()).max(0) / (kCount - 1);
+  return {mean, std::sqrt(2 * variance.maxCoeff())};
+}
+
 }  // namespace
 
 cv::Mat internal::ForBayerPlanes(const cv::Mat& mosaic,
@@ -108,30 +138,18 @@ cv::Mat SmoothAttenuation(const cv::Mat& white, std::optional<BayerOrder> bayer)
 }
 
 double PlaneDifference(const cv::Mat& white) {
-  constexpr int kTiles = 4;        // a side
-  constexpr double kSure = 5;      // standard errors
-  constexpr double kLeast = 0.03;  // what an array whose pitch is whole pixels can do to the planes
-  using Planes = Eigen::Array4d;
-  Planes sum = Planes::Zero(), squares = Planes::Zero();
-  for (int tile = 0; tile < kTiles * kTiles; ++tile) {
-    const auto edge = [&](int length, int k) { return length / 2 * k / kTiles * 2; };
-    const int y0 = edge(white.rows, tile / kTiles), y1 = edge(white.rows, tile / kTiles + 1);
-    const int x0 = edge(white.cols, tile % kTiles), x1 = edge(white.cols, tile % kTiles + 1);
-    Planes mean = Planes::Zero();
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) mean[y % 2 * 2 + x % 2] += white.at<float>(y, x);
-    }
-    if (!(mean.mean() > 0)) return 0;
-    mean /= mean.mean();
-    sum += mean;
-    squares += mean.square();
-  }
-  constexpr int kCount = kTiles * kTiles;
-  const Planes mean = sum / kCount;
-  const Planes variance = (squares / kCount - mean.square()).max(0) / (kCount - 1);
+  const auto [mean, sigma] = MeasurePlanes(white);
   const double difference = mean.maxCoeff() - mean.minCoeff();
-  return difference > kLeast && difference > kSure * std::sqrt(2 * variance.maxCoeff()) ? difference
-                                                                                        : 0;
+  return difference > kDiffers && difference > kSure * sigma ? difference : 0;
+}
+
+double GreenDifference(const cv::Mat& white, BayerOrder order) {
+  constexpr double kClearly = 3;
+  const auto [mean, sigma] = MeasurePlanes(white);
+  const bool green_first = BayerColour(order, 0, 0) == 'G';
+  const double first = std::abs(mean[0] - mean[3]), second = std::abs(mean[1] - mean[2]);
+  const double green = green_first ? first : second, other = green_first ? second : first;
+  return green > kDiffers && green > kSure * sigma && green > kClearly * other ? green : 0;
 }
 
 }  // namespace plenocal

@@ -29,6 +29,10 @@ void CheckEvenField(const cv::Mat& white);
 /// images.
 double PlaneDifference(const cv::Mat& white);
 
+/// Brightness difference of the two green planes of a white image by a colour order, relative to
+/// the mean; 0 unless it shows that the order is wrong: the other two planes are alike.
+double GreenDifference(const cv::Mat& white, BayerOrder order);
+
 namespace internal {
 
 /// Calls change(plane) on each of the four colour planes of a mosaic and puts them back.

@@ -75,6 +75,14 @@ std::vector<std::string> Warnings(const cv::Mat& white, const WhiteOptions& opti
         "by {:.0f} %); if they are, say so with 'bayer'",
         100 * difference));
   }
+  if (const double green = options.bayer ? GreenDifference(white, *options.bayer) : 0; green > 0) {
+    warnings.push_back(fmt::format(
+        "the green pixels of 'bayer: {}' differ by {:.0f} % in the white images, and its red and blue ones do not: the "
+        "order is {}",
+        BayerName(*options.bayer),
+        100 * green,
+        BayerColour(*options.bayer, 0, 0) == 'G' ? "RGGB or BGGR" : "GRBG or GBRG"));
+  }
   if (options.grid_file) {
     const std::string unused = UnusedRayCalibData(*options.grid_file);
     if (!unused.empty()) warnings.push_back(unused);

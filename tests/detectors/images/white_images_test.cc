@@ -211,5 +211,17 @@ TEST(PlaneDifference, TellsMosaicsFromGreyImages) {
   EXPECT_NEAR(PlaneDifference(Exact(mosaic, 3)), 0.2, 0.01);
 }
 
+TEST(GreenDifference, ShowsAColourOrderThatIsShiftedByAPixel) {
+  const auto rggb = [&](int x, int y) {
+    const double colour = x % 2 != y % 2 ? 1 : x % 2 == 0 ? 0.6 : 0.7;
+    return 100 * FallOff(x, y) * colour;
+  };
+  const cv::Mat white = Exact(rggb, 3);
+  EXPECT_EQ(GreenDifference(white, BayerOrder::kRggb), 0);
+  EXPECT_EQ(GreenDifference(white, BayerOrder::kBggr), 0) << "equal greens";
+  EXPECT_NEAR(GreenDifference(white, BayerOrder::kGrbg), 0.1 / 0.825, 0.01);
+  EXPECT_GT(GreenDifference(white, BayerOrder::kGbrg), 0);
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal
