@@ -25,7 +25,7 @@ double PaperInverseDepth(const MicroLensGeometry& geometry, double inverse_depth
 
 /// Distance of the point whose virtual image has the inverse virtual depth w (the paper's), m.
 double DistanceAt(const MicroLensGeometry& geometry, double w) {
-  const auto& [f_L, b_L0, B, b_P, pixel_size, sigma_B] = geometry;
+  const double f_L = geometry.f_L, b_L0 = geometry.b_L0, B = geometry.B;
   const double beyond = B - w * (f_L - b_L0);
   return beyond > 0 ? std::max(0.0, f_L * (B + w * b_L0) / beyond) : kInfinite;
 }
@@ -163,6 +163,19 @@ class BlurModel {
   Eigen::MatrixXd covariance_;
 };
 
+/// The measurements as those of an array without its tilt: where B is larger by the part d, the z
+/// in focus is 1 - (1 - z_t) (1 + d).
+std::vector<BlurMeasurement> Untilted(std::span<const BlurMeasurement> measurements,
+                                      const MicroLensGeometry& geometry) {
+  std::vector<BlurMeasurement> untilted(measurements.begin(), measurements.end());
+  const double g = geometry.b_P / (geometry.b_P + geometry.B);
+  for (BlurMeasurement& m : untilted) {
+    const Eigen::Vector2d c_ML = g * geometry.pixel_size * (m.place - geometry.principal_point);
+    m.inverse_depth = 1 - (1 - m.inverse_depth) / (1 + geometry.tilt.dot(c_ML) / geometry.B);
+  }
+  return untilted;
+}
+
 }  // namespace
 
 std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> measurements,
@@ -174,7 +187,8 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
       std::ranges::any_of(points, [](const auto& of_type) { return of_type.second < kFewest; })) {
     return {};
   }
-  const BlurModel blur(measurements);
+  const std::vector<BlurMeasurement> untilted = Untilted(measurements, geometry);
+  const BlurModel blur(untilted);
   constexpr double kSure = 3;  // standard errors
   if (!(blur.K() > kSure * blur.Sigma(BlurModel::kK)) || !blur.HasFocusInRange()) return {};
 

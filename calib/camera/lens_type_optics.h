@@ -4,6 +4,7 @@
 // of markers (docs/plenoptic.md, "Lens types").
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
 
@@ -12,9 +13,10 @@ namespace plenocal {
 /// Blur of markers of about one virtual depth in one raw image, seen by micro lenses of one type.
 struct BlurMeasurement {
   int lens_type = 0;
-  double inverse_depth = 0;  ///< 1 / v, virtual depth by micro-image centres
-  double blur = 0;           ///< standard deviation of a Gaussian, px; pixel and sensor included
-  double sigma = 0;          ///< standard error of `blur`, px
+  double inverse_depth = 0;     ///< 1 / v, virtual depth by micro-image centres
+  double blur = 0;              ///< standard deviation of a Gaussian, px; pixel and sensor included
+  double sigma = 0;             ///< standard error of `blur`, px
+  Eigen::Vector2d place{0, 0};  ///< mean micro-image centre, px
 };
 
 /// Distances behind the main lens, m, and the size of a pixel, m.
@@ -23,6 +25,7 @@ struct MicroLensGeometry {
   double b_P = 0;  ///< exit pupil to micro lenses; of a thin lens b_L0
   double pixel_size = 0;
   double sigma_B = 0;  ///< standard error of B, the least certain of them
+  Eigen::Vector2d tilt{0, 0}, principal_point{0, 0};  ///< of the array, rad; px
 };
 
 /// Optics of the micro lenses of one type.

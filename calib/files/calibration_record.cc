@@ -31,12 +31,19 @@ std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& cam
   if (f_L == none || b_L0 == none || B == none || pixel_size == camera.config.size()) {
     return std::nullopt;
   }
+  const auto two = [&](std::string_view x, std::string_view y) -> Eigen::Vector2d {
+    const size_t at_x = place(params, x), at_y = place(params, y);
+    if (at_x == none || at_y == none) return {0, 0};
+    return {camera.params[at_x], camera.params[at_y]};
+  };
   return MicroLensGeometry{.f_L = camera.params[f_L],
                            .b_L0 = camera.params[b_L0],
                            .B = camera.params[B],
                            .b_P = camera.params[b_P == none ? b_L0 : b_P],
                            .pixel_size = camera.config[pixel_size],
-                           .sigma_B = camera.Sigma(B)};
+                           .sigma_B = camera.Sigma(B),
+                           .tilt = two("t_x", "t_y"),
+                           .principal_point = two("c_x", "c_y")};
 }
 
 std::filesystem::path FileBeside(const CalibrationRecord& calibration, const std::string& name) {

@@ -11,7 +11,7 @@
 
 namespace plenocal::internal {
 
-/// Medians of the blur over markers of like depth, by raw image and lens type.
+/// Medians of the blur over markers of like depth and place, by raw image and lens type.
 std::vector<BlurMeasurement> MeasureBlur(std::span<const RawMeasurements> images);
 
 }  // namespace plenocal::internal

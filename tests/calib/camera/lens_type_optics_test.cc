@@ -11,7 +11,7 @@
 namespace plenocal {
 namespace TEST_FILE {
 
-constexpr MicroLensGeometry kGeometry{
+const MicroLensGeometry kGeometry{
     .f_L = 0.0145, .b_L0 = 0.0140, .B = 255e-6, .b_P = 0.0140, .pixel_size = 7.4e-6, .sigma_B = 0};
 constexpr double kAperture = 105e-6;                     // m
 constexpr std::array kFocus{1 / 3.1, 1 / 2.4, 1 / 4.5};  // 1 / v in focus, the paper's v
@@ -44,8 +44,12 @@ double FittedBlur(double diameter, double sigma) {
   return low;
 }
 
-/// Blur of every lens type by depth, with errors of `sigma` px.
-std::vector<BlurMeasurement> Blurs(double nearest, double farthest, double sigma) {
+/// Blur of every lens type by depth, with errors of `sigma` px; `nearer`: the part by which B is
+/// larger in one half of the array, and smaller in the other.
+std::vector<BlurMeasurement> Blurs(double nearest,
+                                   double farthest,
+                                   double sigma,
+                                   double nearer = 0) {
   constexpr int kDepths = 30;
   constexpr double kSensor = 0.4;  // px
   std::mt19937 random(5);
@@ -55,11 +59,14 @@ std::vector<BlurMeasurement> Blurs(double nearest, double farthest, double sigma
   for (int type = 0; type < 3; ++type) {
     for (int i = 0; i < kDepths; ++i) {
       const double w = nearest + (farthest - nearest) * i / (kDepths - 1.0);  // 1 / v, the paper's
-      const double disc = kAperture / kGeometry.pixel_size * std::abs(w - kFocus[type]);
+      const double side = i % 2 == 0 ? 1 : -1;
+      const double focus = 1 - (1 - kFocus[type]) * (1 + side * nearer);
+      const double disc = kAperture / kGeometry.pixel_size * std::abs(w - focus);
       blurs.push_back({.lens_type = type,
                        .inverse_depth = 1 - g * (1 - w),
                        .blur = FittedBlur(disc, kSensor) + noise(random),
-                       .sigma = sigma});
+                       .sigma = sigma,
+                       .place = {500 + 300 * side, 500}});
     }
   }
   return blurs;
@@ -74,6 +81,28 @@ TEST(LensTypeOptics, AreFoundFromBlurOnEitherSideOfTheFocus) {
     EXPECT_LT(types[i].focal_length_sigma, 0.01 * truth);
     EXPECT_NEAR(types[i].aperture, kAperture, 0.03 * kAperture);
   }
+}
+
+TEST(LensTypeOptics, FollowTheTiltOfTheArray) {
+  MicroLensGeometry tilted = kGeometry;
+  tilted.principal_point = {500, 500};
+  const double c_ML = 300 * kGeometry.pixel_size * kGeometry.b_P / (kGeometry.b_P + kGeometry.B);
+  tilted.tilt = {0.008, 0.001};  // along y there is no marker
+  const std::vector<BlurMeasurement> blurs =
+      Blurs(0.26, 0.40, 0.005, tilted.tilt.x() * c_ML / kGeometry.B);
+  const auto types = EstimateLensTypes(blurs, tilted);
+  const auto ignored = EstimateLensTypes(blurs, kGeometry);
+  ASSERT_EQ(types.size(), 3u);
+  double worst = 0;
+  for (size_t i = 0; i < types.size(); ++i) {
+    const double truth = kGeometry.B / (1 - kFocus[i]);
+    EXPECT_NEAR(types[i].focal_length, truth, 0.006 * truth) << i;
+    EXPECT_NEAR(types[i].aperture, kAperture, 0.05 * kAperture);
+    if (i < ignored.size()) {
+      worst = std::max(worst, std::abs(ignored[i].focal_length / truth - 1));
+    }
+  }
+  EXPECT_GT(worst, 0.01) << "the tilt matters";
 }
 
 TEST(LensTypeOptics, DepthOfFieldIsWhereTheDiscIsSmallerThanAPixel) {
