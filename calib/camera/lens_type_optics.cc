@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "calib/base/linear_algebra.h"
 #include "calib/base/robust.h"
@@ -47,12 +48,14 @@ struct FittedSquare {
 };
 
 /// Blur by z = 1 / v: that of the sensor, of variance c, which all lens types share as they share
-/// their aperture, and the aperture's disc out of focus, of variance s = K (z - z_t)^2.
+/// their aperture, and the aperture's disc out of focus, of variance s = K (B_i / B (z - z_t))^2.
 class BlurModel {
  public:
+  /// `B_ratio`: B_i / B, where a tilt makes that of measurement i another.
   /// REQUIRES: each lens type has three measurements or more.
-  explicit BlurModel(std::span<const BlurMeasurement> measurements)
+  BlurModel(std::span<const BlurMeasurement> measurements, Eigen::VectorXd B_ratio)
       : measurements_(measurements),
+        B_ratio_(std::move(B_ratio)),
         square_(static_cast<Eigen::Index>(measurements.size())),
         precision_(square_.size()) {
     for (const BlurMeasurement& m : measurements) focus_.emplace(m.lens_type, 0);
@@ -134,11 +137,11 @@ class BlurModel {
       Eigen::VectorXd residuals(square_.size());
       for (Eigen::Index i = 0; i < square_.size(); ++i) {
         const Eigen::Index place = focus_.at(At(i).lens_type);
-        const double off = At(i).inverse_depth - p_[place];
+        const double off = B_ratio_[i] * (At(i).inverse_depth - p_[place]);
         const FittedSquare fitted(p_[kSquare], p_[kK] * off * off);
         J(i, kK) = fitted.by_s * off * off;
         J(i, kSquare) = fitted.by_c;
-        J(i, place) = -2 * fitted.by_s * p_[kK] * off;
+        J(i, place) = -2 * fitted.by_s * p_[kK] * off * B_ratio_[i];
         residuals[i] = square_[i] - fitted.value;
       }
       J = precision_.asDiagonal() * J;
@@ -157,23 +160,24 @@ class BlurModel {
   }
 
   std::span<const BlurMeasurement> measurements_;
-  Eigen::VectorXd square_, precision_;  ///< of the blurs
-  std::map<int, Eigen::Index> focus_;   ///< by lens type: place of z_t among the unknowns
-  Eigen::VectorXd p_;                   ///< K, c, then z_t of each type
+  Eigen::VectorXd B_ratio_, square_, precision_;  ///< the latter of the blurs
+  std::map<int, Eigen::Index> focus_;             ///< by lens type: place of z_t among the unknowns
+  Eigen::VectorXd p_;                             ///< K, c, then z_t of each type
   Eigen::MatrixXd covariance_;
 };
 
-/// The measurements as those of an array without its tilt: where B is larger by the part d, the z
-/// in focus is 1 - (1 - z_t) (1 + d).
-std::vector<BlurMeasurement> Untilted(std::span<const BlurMeasurement> measurements,
-                                      const MicroLensGeometry& geometry) {
-  std::vector<BlurMeasurement> untilted(measurements.begin(), measurements.end());
+/// B at the measurements over that of the middle of the array.
+Eigen::VectorXd RatiosOfB(std::span<const BlurMeasurement> measurements,
+                          const MicroLensGeometry& geometry) {
   const double g = geometry.b_P / (geometry.b_P + geometry.B);
-  for (BlurMeasurement& m : untilted) {
-    const Eigen::Vector2d c_ML = g * geometry.pixel_size * (m.place - geometry.principal_point);
-    m.inverse_depth = 1 - (1 - m.inverse_depth) / (1 + geometry.tilt.dot(c_ML) / geometry.B);
+  Eigen::VectorXd ratios(std::ssize(measurements));
+  for (Eigen::Index i = 0; i < ratios.size(); ++i) {
+    const Eigen::Vector2d c_ML =
+        g * geometry.pixel_size *
+        (measurements[static_cast<size_t>(i)].place - geometry.principal_point);
+    ratios[i] = 1 + geometry.tilt.dot(c_ML) / geometry.B;
   }
-  return untilted;
+  return ratios;
 }
 
 }  // namespace
@@ -187,8 +191,15 @@ std::vector<LensTypeOptics> EstimateLensTypes(std::span<const BlurMeasurement> m
       std::ranges::any_of(points, [](const auto& of_type) { return of_type.second < kFewest; })) {
     return {};
   }
-  const std::vector<BlurMeasurement> untilted = Untilted(measurements, geometry);
-  const BlurModel blur(untilted);
+  // Where B is larger, the z in focus is 1 - (1 - z_t) B_i / B: with (1 - z) B / B_i in place of
+  // 1 - z it is that of the middle.
+  const Eigen::VectorXd B_ratio = RatiosOfB(measurements, geometry);
+  std::vector<BlurMeasurement> in_middle(measurements.begin(), measurements.end());
+  for (size_t i = 0; i < in_middle.size(); ++i) {
+    double& z = in_middle[i].inverse_depth;
+    z = 1 - (1 - z) / B_ratio[static_cast<Eigen::Index>(i)];
+  }
+  const BlurModel blur(in_middle, B_ratio);
   constexpr double kSure = 3;  // standard errors
   if (!(blur.K() > kSure * blur.Sigma(BlurModel::kK)) || !blur.HasFocusInRange()) return {};
 
