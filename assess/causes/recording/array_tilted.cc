@@ -40,28 +40,30 @@ struct Distances {
 /// The two derivatives of a measured point by the tilt, 1 / rad, from those by the distances: its
 /// micro lens is t . c_ML farther from the sensor and nearer to main lens and pupil. Zeros outside
 /// the model's domain.
-Eigen::Matrix2d ByTilt(const Bundle& bundle, const BundleObservation& seen, const Distances& of) {
-  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(seen.camera)];
+Eigen::Matrix2d ByTilt(const Bundle& bundle,
+                       const BundleObservation& observation,
+                       const Distances& of) {
+  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J(2, camera.params.size());
   Eigen::Vector2d residual;
-  if (!internal::Linearise(
-          camera,
-          internal::ViewOf(
-              bundle, static_cast<size_t>(seen.frame), static_cast<size_t>(seen.camera)),
-          bundle.markers[static_cast<size_t>(seen.marker)].position,
-          seen,
-          {.residual = residual.data(), .J_params = J.data()})) {
+  if (!internal::Linearise(camera,
+                           internal::ViewOf(bundle,
+                                            static_cast<size_t>(observation.frame),
+                                            static_cast<size_t>(observation.camera)),
+                           bundle.markers[static_cast<size_t>(observation.marker)].position,
+                           observation,
+                           {.residual = residual.data(), .J_params = J.data()})) {
     return Eigen::Matrix2d::Zero();
   }
   const auto column = [&](size_t k) { return J.col(static_cast<Eigen::Index>(k)); };
   Eigen::Vector2d by_delta = column(of.B) - column(of.b_L0);
   if (of.b_P != of.b_L0) by_delta -= column(of.b_P);
   // The rows are those of measured less predicted, in standard deviations.
-  by_delta *= -camera.noise.OwnSigma(seen.assumed_sigma);
+  by_delta *= -camera.noise.OwnSigma(observation.assumed_sigma);
   const std::vector<double>& p = camera.params;
-  const Eigen::Vector2d c_ML =
-      Eigen::Vector2d(seen.seen.values[2] - p[of.c_x], seen.seen.values[3] - p[of.c_y]) *
-      (camera.config[0] * p[of.b_P] / (p[of.b_P] + p[of.B]));
+  const Eigen::Vector2d c_ML = Eigen::Vector2d(observation.seen.values[2] - p[of.c_x],
+                                               observation.seen.values[3] - p[of.c_y]) *
+                               (camera.config[0] * p[of.b_P] / (p[of.b_P] + p[of.B]));
   return by_delta * c_ML.transpose();
 }
 
@@ -91,12 +93,12 @@ Bundle WithTilt(Bundle bundle, size_t c, const Distances& of, double unit) {
   return bundle;
 }
 
-/// Relative error of distances about `z` behind a micro lens that is `delta` farther from the
-/// sensor than assumed: T = K_1 + K_2 / z is inverse to B (docs/plenoptic.md).
+/// Relative error of distances about `z` through a micro lens that is `delta` farther from the
+/// sensor than assumed (docs/plenoptic.md, "Tilted arrays").
 double DistanceError(const std::vector<double>& p, const Distances& of, double z, double delta) {
   const double e = p[of.f_L] - p[of.b_L0];
-  const double K_1_per_K_2 = e * (e + p[of.b_P]) / (p[of.f_L] * p[of.f_L] * p[of.b_P]);
-  return std::abs(delta) / p[of.B] * std::abs(1 + K_1_per_K_2 * z);
+  const double by_z = e * (e + p[of.b_P]) / (p[of.f_L] * p[of.f_L] * p[of.b_P]);
+  return std::abs(delta) / p[of.B] * std::abs(1 + by_z * z);
 }
 
 double MedianDistance(const Bundle& bundle, size_t c) {

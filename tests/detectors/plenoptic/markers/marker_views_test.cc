@@ -51,5 +51,18 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
   }
 }
 
+TEST(MarkerViews, OfAParallelArrayHaveNoChangeAcrossIt) {
+  const std::vector<View> views =
+      MarkerViews({"a"}, 2, {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}}, false);
+  const double of_pixel = 0.36 / std::sqrt(12.0);
+  const std::vector<double> near{0.3 * of_pixel, 0, 0.1, 0, 0, -0.2 * of_pixel, 0, 0.5, 0, 0};
+  const std::vector<double> far{0.3 * of_pixel, 0, 0, 0.1, 0, -0.2 * of_pixel, 0, 0, 0.5, 0};
+  ASSERT_EQ(views[0].by_nuisance[0].size(), near.size());
+  for (size_t k = 0; k < near.size(); ++k) {
+    EXPECT_NEAR(views[0].by_nuisance[0][k], near[k], 1e-12) << k;
+    EXPECT_NEAR(views[0].by_nuisance[1][k], far[k], 1e-12) << k;
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal
