@@ -66,6 +66,18 @@ MicroLensGrid MeasureGrid(const cv::Mat& levelled,
   }
 }
 
+/// A white image has equal green planes by the right colour order.
+void CheckColourOrder(const cv::Mat& white, BayerOrder order) {
+  const double difference = GreenDifference(white, order);
+  if (difference == 0) return;
+  throw InputError(
+      "bayer: {}: its green pixels differ by {:.0f} % in the white images, and its red and blue "
+      "ones do not; the order is {}",
+      BayerName(order),
+      100 * difference,
+      BayerColour(order, 0, 0) == 'G' ? "RGGB or BGGR" : "GRBG or GBRG");
+}
+
 std::vector<std::string> Warnings(const cv::Mat& white, const WhiteOptions& options) {
   std::vector<std::string> warnings;
   const double difference = options.bayer ? 0 : PlaneDifference(white);
@@ -74,14 +86,6 @@ std::vector<std::string> Warnings(const cv::Mat& white, const WhiteOptions& opti
         "the white images look like raw colour mosaics (the planes of their 2 x 2 raster differ "
         "by {:.0f} %); if they are, say so with 'bayer'",
         100 * difference));
-  }
-  if (const double green = options.bayer ? GreenDifference(white, *options.bayer) : 0; green > 0) {
-    warnings.push_back(fmt::format(
-        "the green pixels of 'bayer: {}' differ by {:.0f} % in the white images, and its red and blue ones do not: the "
-        "order is {}",
-        BayerName(*options.bayer),
-        100 * green,
-        BayerColour(*options.bayer, 0, 0) == 'G' ? "RGGB or BGGR" : "GRBG or GBRG"));
   }
   if (options.grid_file) {
     const std::string unused = UnusedRayCalibData(*options.grid_file);
@@ -109,6 +113,7 @@ WhiteCamera MeasureWhite(const std::vector<FrameImage>& images,
                      .unevenness = white.unevenness,
                      .left_out = white.left_out,
                      .warnings = Warnings(white.mean, options)};
+  if (options.bayer) CheckColourOrder(white.mean, *options.bayer);
   if (options.plenoptic) {
     *levelled = options.bayer ? LevelBayerPlanes(white.mean) : white.mean;
     camera.grid = MeasureGrid(*levelled, options, camera.warnings);

@@ -136,6 +136,10 @@ TEST_F(WhiteCommand, WarnsOfAMosaicThatWasNotAnnounced) {
   EXPECT_THAT(
       Run({"white", "white", "--model", "focused-plenoptic", "--bayer", "RGGB", "-o", "out"}).err,
       Not(HasSubstr(warning)));
+  const Outcome shifted =
+      Run({"white", "white", "--model", "focused-plenoptic", "--bayer", "GRBG", "-o", "shifted"});
+  EXPECT_EQ(shifted.status, kWrongInput);
+  EXPECT_THAT(shifted.err, HasSubstr("the order is RGGB or BGGR"));
   WriteWhites(Render(kField).white);
   EXPECT_THAT(White().err, Not(HasSubstr(warning)));
 }
