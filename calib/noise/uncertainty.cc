@@ -358,8 +358,8 @@ Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
   return result;
 }
 
-// Normal matrices with the poses moved by their errors: those of their own points, and those by
-// which they follow the errors of all other unknowns. `covariance`: of those before the markers.
+// Normal matrices with the poses moved by random errors: by the noise of their own points, and by
+// the errors of all other unknowns. `covariance`: of the unknowns before the markers.
 NoisyInformation SamplePoseNoise(const Bundle& bundle,
                                  const UnknownLayout& layout,
                                  const ReducedSystem& reduced,
@@ -427,7 +427,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const double marker_degrees = SetMarkerErrors(markers, bundle.marker_freedom.Sigma(), &result);
 
   // Markers and targets are shared: each camera's part of them is in proportion to its
-  // measurements. Its own unknowns and its part of the poses are its alone.
+  // measurements. Its own unknowns and its part of the poses count for it alone.
   const auto free_targets =
       static_cast<double>(std::ranges::count(bundle.targets, false, &BundleTarget::is_fixed));
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);

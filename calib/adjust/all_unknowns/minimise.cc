@@ -41,8 +41,8 @@ struct Block {
 // Rows that depend on some blocks.
 class BlockCost : public ceres::CostFunction {
  public:
-  // Writes residuals, and by `derive` what differs from zero of `Block::J`, in charts about present
-  // values; false outside the domain of a model.
+  // Writes the residuals and, if `derive`, the derivatives that are not zero to `Block::J`, in
+  // charts about the present values; false outside the domain of a model.
   using Rows = std::function<bool(double* residuals, bool derive)>;
 
   BlockCost(int count, std::vector<Block*> blocks, Rows rows)
@@ -171,7 +171,7 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
   [[nodiscard]] int Pose(size_t frame) const { return layout_.total + 6 * static_cast<int>(frame); }
   [[nodiscard]] int Jitter(size_t view) const { return Pose(start_.T_rig_target.size() + view); }
   Block& BlockOf(int unknown) { return blocks_[block_of_[static_cast<size_t>(unknown)]]; }
-  // The blocks of those that are not -1, each once.
+  // The blocks of unknowns, each once; -1 is skipped.
   std::vector<Block*> BlocksOf(const std::vector<int>& unknowns) {
     std::vector<Block*> blocks;
     for (const int unknown : unknowns) {
@@ -270,7 +270,7 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     return true;
   }
 
-  // Of used blocks, so that they are the same ones at each point.
+  // Distances between unused markers are left out, so that the rows are the same at each point.
   std::vector<SparseRow> Priors() {
     std::vector<SparseRow> rows = RowsOfPriors(bundle_, layout_);
     const auto position = [&](int marker) {
