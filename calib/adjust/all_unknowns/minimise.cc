@@ -270,7 +270,7 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     return true;
   }
 
-  // Distances between unused markers are left out, so that the rows are the same at each point.
+  // Those of unused blocks are left out, so that the rows are the same ones at each point.
   std::vector<SparseRow> Priors() {
     std::vector<SparseRow> rows = RowsOfPriors(bundle_, layout_);
     const auto position = [&](int marker) {
