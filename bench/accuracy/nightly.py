@@ -54,7 +54,8 @@ SLICES = {
     "double_sphere_starts": Slice(["--lenses", 10]),
     "try_simulated": Slice(["--cases", 4, "--threads", 1]),
     "plenoptic_tilt": Slice([folder("plenoptic_tilt"), "--seeds", 2, "--tilts", 0.8], {
-        rf"^ +0\.8 +2 +{NUMBER}": (0, 4), rf"^ +0\.8 +2 +[\d.]+ +{NUMBER}": SQUARES, r"(\d+)$": (2, 2)}, (), ()),
+        rf"^ +0\.8 +2 +{NUMBER}": (0, 4), rf"^ +0\.8 +2 +[\d.]+ +{NUMBER}": SQUARES, r"(\d+) +\d+ +[\d.]+%$": (2, 2),
+        r"(\d+) +[\d.]+%$": (1, 2)}, (), ()),
     "plenoptic_lattices": Slice(["--only", "square"], {
         rf"of \d+ \| {NUMBER}": (0, 0.01), rf"\| {NUMBER} \([\d.]+\) \| [-\d.]+ \(": (-0.1, 0.1), rf"\| {NUMBER} \([\d.]+\) \|$": (-0.5, 0.5)},
         (), ()),
