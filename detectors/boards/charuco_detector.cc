@@ -42,9 +42,11 @@ struct SeenMarker {
 class Layout {
  public:
   Layout(const CharucoLayout& board, bool legacy)
-      : gap_(0.5 * (1 - board.marker / board.square)),
+      : legacy_(legacy),
+        gap_(0.5 * (1 - board.marker / board.square)),
         squares_(internal::MarkedSquares(board, legacy)) {}
 
+  [[nodiscard]] std::string Name() const { return legacy_ ? "legacy layout" : "new layout"; }
   /// Share of a square between its border and its marker.
   [[nodiscard]] double gap() const { return gap_; }
   /// Of column + row of the white squares.
@@ -77,6 +79,7 @@ class Layout {
   }
 
  private:
+  bool legacy_;
   double gap_;
   std::vector<Eigen::Vector2i> squares_;
 };
@@ -211,7 +214,7 @@ class CharucoDetector final : public MarkerDetector {
     if (!found.failure.empty()) {
       // Printed white on black.
       MarkerDetections inverted = DetectOneWay(255 - gray);
-      if (inverted.failure.empty()) return inverted;
+      if (inverted.failure.empty() || !inverted.by_layout.empty()) return inverted;
     }
     return found;
   }
@@ -225,38 +228,40 @@ class CharucoDetector final : public MarkerDetector {
     MarkerDetections found;
     if (!targets_.empty()) read = OwnOf(read, &found.left_out);
     const auto& [ids, corners] = read;
-    const Layout* best_layout = nullptr;
-    Consistent best;
-    bool undecided = false;
+    std::vector<Consistent> consistent;  // by layout
     for (const Layout& layout : layouts_) {
       std::vector<SeenMarker> markers;
       for (std::size_t k = 0; k < ids.size(); ++k) {
         if (ids[k] < layout.marker_count()) markers.push_back(layout.Place(ids[k], corners[k]));
       }
-      Consistent consistent = FindConsistent(markers);
-      undecided = best_layout != nullptr && consistent.agreements == best.agreements;
-      if (best_layout == nullptr || consistent.agreements > best.agreements) {
-        best = std::move(consistent);
-        best_layout = &layout;
-      }
+      consistent.push_back(FindConsistent(markers));
     }
-    if (best.agreements == 0) {
+    const int first = consistent.front().agreements, last = consistent.back().agreements;
+    if (std::max(first, last) == 0) {
       found.failure = fmt::format(
           "no ChArUco board found: {} of its {} markers ({}) were read, and at least two "
           "neighbours must be",
           ids.size(),
-          best_layout->marker_count(),
+          layouts_.front().marker_count(),
           board_.dictionary);
       return found;
     }
-    if (undecided) {
+    const auto measure = [&](std::size_t k) {
+      MarkerDetections measured = found;
+      if (layouts_.size() > 1) measured.layout = layouts_[k].Name();
+      Measure(gray, layouts_[k], consistent[k].markers, &measured);
+      return measured;
+    };
+    if (layouts_.size() > 1 && first == last) {
+      found.by_layout = {measure(0), measure(1)};
       found.failure =
           "the few markers in view fit both layouts of OpenCV's ChArUco boards; state legacy: "
           "true or false in the target file";
       return found;
     }
-    Measure(gray, *best_layout, best.markers, &found);
-    return found;
+    MarkerDetections decided = measure(last > first ? 1 : 0);
+    decided.layout_evidence = std::abs(last - first);
+    return decided;
   }
 
   /// Those of this board, where others with the same markers may be in the image.

@@ -42,8 +42,14 @@ auto EntryMembers(T& sensitivity) {
 
 template <MaybeConst<MarkerDetections> T>
 auto EntryMembers(T& found) {
-  return std::tie(
-      found.markers, found.left_out, found.failure, found.measurements, found.sensitivities);
+  return std::tie(found.markers,
+                  found.left_out,
+                  found.failure,
+                  found.measurements,
+                  found.sensitivities,
+                  found.layout,
+                  found.layout_evidence,
+                  found.by_layout);
 }
 
 namespace {
@@ -95,6 +101,11 @@ cv::Mat Even(const cv::Mat& gray, const cv::Mat& attenuation) {
   return gray.size() == attenuation.size() ? Devignetted(gray, attenuation) : gray;
 }
 
+/// What an image shows before all images have decided the board's layout.
+const MarkerDetections& Shown(const MarkerDetections& found) {
+  return found.by_layout.empty() ? found : found.by_layout.front();
+}
+
 /// The images of one camera and what they share.
 class ImageRun {
  public:
@@ -122,6 +133,9 @@ class ImageRun {
   /// The size of most images; with as many of one as of another, the first seen.
   [[nodiscard]] ImageSize CommonSize() const;
   void CheckWhiteImageSize(const ImageSize& size) const;
+  /// Decides the board's layout by all images: those that cannot tell alone take it, those that
+  /// show another are left out.
+  void SettleLayout();
   /// Measures all markers again by the distortion that all images of the camera show together.
   void UseCommonDistortion(const ImageSize& size);
   /// The result of image number i.
@@ -151,7 +165,8 @@ std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
   result->size = {gray.cols, gray.rows};
   if (!result->reused) {
     result->found = detectors_.Detect(gray);
-    const internal::TargetArea area = internal::MeasureTargetArea(recorded, result->found.markers);
+    const internal::TargetArea area =
+        internal::MeasureTargetArea(recorded, Shown(result->found).markers);
     result->traits = {content.Orientation(), area.blur, area.saturated};
     cache_.Save(key, PackEntry(*result));
   }
@@ -215,6 +230,34 @@ void ImageRun::CheckWhiteImageSize(const ImageSize& size) const {
       white_size[1],
       size[0],
       size[1]);
+}
+
+void ImageRun::SettleLayout() {
+  std::map<std::string, int> evidence;
+  for (const ImageResult& result : results_) {
+    if (result.found.layout_evidence > 0) {
+      evidence[result.found.layout] += result.found.layout_evidence;
+    }
+  }
+  if (evidence.empty()) return;
+  const auto by_evidence = [](const auto& a, const auto& b) { return a.second < b.second; };
+  const std::string& layout = std::ranges::max_element(evidence, by_evidence)->first;
+  for (ImageResult& result : results_) {
+    MarkerDetections& found = result.found;
+    if (found.layout_evidence > 0 && found.layout != layout) {
+      const std::string shown = std::move(found.layout);
+      found = {};
+      found.failure = fmt::format(
+          "shows the {} of OpenCV's ChArUco boards, while the camera's images together show the "
+          "{}; leave out images of another board, or state legacy: true or false in the target file",
+          shown,
+          layout);
+    }
+    std::vector<MarkerDetections> by_layout = std::move(found.by_layout);
+    for (MarkerDetections& each : by_layout) {
+      if (each.layout == layout) found = std::move(each);
+    }
+  }
 }
 
 void ImageRun::UseCommonDistortion(const ImageSize& size) {
@@ -282,22 +325,29 @@ SampleView ImageRun::Sample(const ImageDetections& detections) const {
 
 ImageReport ImageRun::ReportOf(size_t i) const {
   const ImageResult& result = results_[i];
+  const MarkerDetections& found = Shown(result.found);
   return {images_[i].frame,
-          result.found.markers.size(),
-          result.unreadable.empty() ? result.found.failure : result.unreadable};
+          found.markers.size(),
+          result.unreadable.empty() ? found.failure : result.unreadable};
 }
 
 std::vector<ImageSketch> ImageRun::Sketch() {
-  std::vector<ImageSketch> sketches(images_.size());
-  DetectAll([&](size_t i) {
-    ImageResult result = std::move(results_[i]);
-    results_[i] = {};
-    sketches[i] = {.size = result.size,
-                   .points = std::move(result.found.markers),
-                   .blur = result.traits.blur,
-                   .why = result.unreadable.empty() ? result.found.failure : result.unreadable};
-    sketches[i].points.shrink_to_fit();
+  DetectAll([&](size_t i) {  // drops what sketches do not have: there may be very many
+    MarkerDetections& found = results_[i].found;
+    found.markers.shrink_to_fit();
+    found.left_out = {};
+    found.measurements = {};
+    found.sensitivities = {};
   });
+  SettleLayout();
+  std::vector<ImageSketch> sketches;
+  for (ImageResult& result : results_) {
+    sketches.push_back(
+        {.size = result.size,
+         .points = std::move(result.found.markers),
+         .blur = result.traits.blur,
+         .why = result.unreadable.empty() ? result.found.failure : result.unreadable});
+  }
   return sketches;
 }
 
@@ -308,6 +358,7 @@ ImageDetections ImageRun::Collect() {
   if (!white_.attenuation.empty()) {
     detections.vignetting = EncodeImage(".tiff", white_.attenuation);
   }
+  SettleLayout();
   UseCommonDistortion(detections.image_size);
   detections.left_out = std::move(white_.left_out);
   for (size_t i = 0; i < images_.size(); ++i) Collect(i, &detections);

@@ -24,6 +24,13 @@ struct MarkerDetections {
   /// Dependence of the markers on the distortion assumed, in their order; empty when they do not
   /// depend on it.
   std::vector<DistortionSensitivity> sensitivities;
+  /// Layout of a board that has several (`CharucoLayout::legacy`), in words; empty for one with
+  /// one.
+  std::string layout;
+  int layout_evidence = 0;  ///< how much more fits `layout` than another; 0: this image cannot tell
+  /// What is found with each layout, where this image cannot tell: `failure` says so, and all
+  /// images of the camera together decide.
+  std::vector<MarkerDetections> by_layout;
 };
 
 /// Finds the markers of one target in gray images. One object may be used from one thread at a

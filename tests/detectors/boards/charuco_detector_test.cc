@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <opencv2/aruco.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
 #include "calib/base/error.h"
+#include "detectors/images/detect_images.h"
 #include "detectors/images/image.h"
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
@@ -152,6 +156,56 @@ TEST(CharucoDetector, AsksForTheLayoutWhereTheImageCannotTell) {
   Statistics statistics;
   statistics.Add(found, Truth(7, 6, H));
   EXPECT_LT(statistics.Rms(), 0.02);
+}
+
+TEST(CharucoDetector, AllImagesOfACameraDecideTheLayout) {
+  const Eigen::Matrix3d H_part = TiltedView(40, 0, -50, -60), H_whole = TiltedView(30, 0.1, 30, 25);
+  const std::filesystem::path folder =
+      std::filesystem::path(::testing::TempDir()) / "plenocal_charuco_layout";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  std::vector<FrameImage> images;
+  const auto add = [&](const std::string& frame, bool legacy, const Eigen::Matrix3d& H) {
+    images.push_back({frame, folder / (frame + ".png")});
+    cv::imwrite(images.back().path.string(),
+                Render(View(Board(7, 6, legacy), H), {300, 240}, {.blur = 0.7}));
+  };
+  add("part", true, H_part);
+  add("whole", true, H_whole);
+  add("again", true, H_whole);
+  add("other", false, H_whole);
+  const auto detect = [&](int threads, DetectionCache* cache) {
+    return DetectOrdinaryImages(images,
+                                [] { return MakeMarkerDetector(Charuco(7, 6)); },
+                                {.threads = threads, .cache = cache, .progress = {}});
+  };
+  DetectionCache cache(folder / "cache", "test", false);
+  for (const int threads : {1, 2, 1}) {
+    const ImageDetections found = detect(threads, &cache);
+    ASSERT_THAT(found.views, ::testing::SizeIs(3));
+    ASSERT_THAT(found.left_out, ::testing::SizeIs(1));
+    EXPECT_EQ(found.left_out[0].where, (folder / "other.png").string());
+    EXPECT_THAT(found.left_out[0].reason, ::testing::HasSubstr("shows the new layout"));
+    for (const View& view : found.views) {
+      const bool part = view.frame == "part";
+      EXPECT_GE(view.observations.size(), part ? 16 : 30);
+      MarkerDetections markers;
+      markers.markers = view.observations;
+      Statistics statistics;
+      statistics.Add(markers, Truth(7, 6, part ? H_part : H_whole));
+      EXPECT_LT(statistics.Rms(), 0.02) << view.frame;
+    }
+    EXPECT_GT(found.traits.at("part").blur, 0);
+    std::ranges::reverse(images);
+  }
+  const std::vector<ImageSketch> sketches = SketchOrdinaryImages(
+      images, [] { return MakeMarkerDetector(Charuco(7, 6)); }, {.cache = &cache, .progress = {}});
+  const auto points = [](const ImageSketch& sketch) { return !sketch.points.empty(); };
+  EXPECT_EQ(std::ranges::count_if(sketches, points), 3);
+  // Those that none decides.
+  std::erase_if(images, [](const FrameImage& image) { return image.frame != "part"; });
+  EXPECT_THAT(detect(1, nullptr).left_out.at(0).reason, ::testing::HasSubstr("state legacy"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST(CharucoDetector, LeavesOutCoveredCorners) {
