@@ -186,7 +186,7 @@ TEST(CharucoDetector, AllImagesOfACameraDecideTheLayout) {
     ASSERT_THAT(found.left_out, ::testing::SizeIs(1));
     EXPECT_EQ(found.left_out[0].where, (folder / "other.png").string());
     EXPECT_THAT(found.left_out[0].reason, ::testing::HasSubstr("shows the new layout"));
-    for (const View& view : found.views) {
+    for (const auto& view : found.views) {
       const bool part = view.frame == "part";
       EXPECT_GE(view.observations.size(), part ? 16 : 30);
       MarkerDetections markers;
