@@ -50,7 +50,11 @@ Json ResidualTable(const CameraFit& fit) {
     rows.push_back({"noise stated by the detector", AsInFile(fit.detector_sigma), "px"});
   }
   if (fit.noise_floor) {
-    rows.push_back({"noise floor (any model)", AsInFile(fit.noise_floor->length), "px"});
+    rows.push_back({"noise floor of the affine law", AsInFile(fit.noise_floor->length), "px"});
+    if (fit.noise_floor->third_order > 0) {
+      rows.push_back(
+          {"noise floor with third order", AsInFile(fit.noise_floor->third_order), "px"});
+    }
   }
   for (const auto& [type, of_type] : fit.lens_types) {
     rows.push_back({fmt::format("RMS of lens type {}", type), AsInFile(of_type.rms), "px"});

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "calib/camera/observation.h"
+#include "calib/camera/param_rule.h"
 #include "calib/camera/rigid_transform.h"
 
 namespace plenocal {
@@ -66,7 +67,13 @@ struct Param {
   /// Positive for one of many coefficients of a field over the image, which points determine only
   /// in their neighbourhood: standard deviation of the Gaussian prior around 0.
   double prior_sigma = 0;
+  /// Of a parameter that is estimated only where the session states a value or a prior: the value
+  /// that it has by the others elsewhere. In an adjustment it is `kByOthers` then.
+  double (*by_others)(const double* params) = nullptr;
 };
+
+/// Stands for the value of `Param::by_others`, which changes with the others.
+inline constexpr double kByOthers = std::numeric_limits<double>::max();
 
 /// Gaussian prior around 0 on a weighted sum of parameters, as the roughness of a spline: a second
 /// difference of neighbouring coefficients.
@@ -106,6 +113,7 @@ struct StartProblem {
   std::span<const double> config;
   std::span<const std::optional<double>> given;  ///< the user's initial value of each parameter
   const std::vector<bool>* fixed = nullptr;      ///< parameters that keep their initial value
+  std::span<const ParamRule> rules = {};         ///< of each parameter, or empty
 };
 
 /// One of several initial guesses; the best is chosen by adjusting each.
@@ -190,6 +198,8 @@ struct ModelFunctions {
                         const double* config,
                         const PointBlock& in,
                         const ProjectionOutput& out) = nullptr;
+  std::vector<double> (*prior_sigmas)(const CameraModel& model,
+                                      const StartProblem& problem) = nullptr;
 };
 
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
@@ -221,6 +231,11 @@ struct CameraModel {
   void (*replicate_fit)(std::span<const Observation* const> of_marker,
                         std::span<const double> weights,
                         ReplicateResidual* residuals) = nullptr;
+  /// Columns that an unweighted replicate fit leaves of: the measured coordinates; terms of a law
+  /// of higher order at the fitted places, one a number that is common to the camera. Rows: the
+  /// coordinates of each observation. Null for models without these.
+  Eigen::MatrixXd (*replicate_terms)(const double* params,
+                                     std::span<const Observation* const> of_marker) = nullptr;
   /// Finds `Observation::lens_type` of observations that came without. Null for models with one
   /// type.
   void (*assign_lens_types)(std::vector<View>* views) = nullptr;
@@ -266,6 +281,14 @@ struct CameraModel {
   [[nodiscard]] std::string Refusal(const StartProblem& problem) const {
     return functions.refusal == nullptr ? "" : functions.refusal(*this, problem);
   }
+  /// Per parameter: standard deviation of the Gaussian prior around 0 that it has unless the
+  /// session states another, by where in the image the observations are; 0: none.
+  [[nodiscard]] std::vector<double> PriorSigmas(const StartProblem& problem) const {
+    if (functions.prior_sigmas != nullptr) return functions.prior_sigmas(*this, problem);
+    std::vector<double> sigmas;
+    for (const Param& param : params) sigmas.push_back(param.prior_sigma);
+    return sigmas;
+  }
   /// A test whether the model describes the camera; `best` are the best initial guess found, with
   /// residuals of median length `median_error`, px.
   [[nodiscard]] Misfit JudgeFit(const StartProblem& problem,
@@ -305,9 +328,10 @@ struct CameraModel {
 ///   static std::string Remedy(std::span<const size_t> weak, const DepthRange& seen);
 ///   static Misfit JudgeFit(const CameraModel&, const StartProblem&, std::span<const double>,
 ///                          double);
-/// One that sees a marker several times in a view may have ReplicateFit and AssignLensTypes
-/// (`CameraModel::replicate_fit`, `CameraModel::assign_lens_types`), and kOptionalContext. A model
-/// that other programs read has
+///   static std::vector<double> PriorSigmas(const StartProblem& problem);
+/// One that sees a marker several times in a view may have ReplicateFit, ReplicateTerms and
+/// AssignLensTypes (`CameraModel::replicate_fit` and following), and kOptionalContext. A model that
+/// other programs read has
 ///   static constexpr Usage kUsage
 template <typename M>
 concept CameraModelPlugin = requires(const StartProblem& problem) {
@@ -543,9 +567,15 @@ constexpr void AddOptional(CameraModel* model) {
                                  std::span<const size_t> weak,
                                  const DepthRange& seen) { return M::Remedy(weak, seen); };
   }
+  if constexpr (requires { &M::PriorSigmas; }) {
+    model->functions.prior_sigmas = [](const CameraModel&, const StartProblem& problem) {
+      return M::PriorSigmas(problem);
+    };
+  }
   if constexpr (requires { &M::JudgeFit; }) model->functions.misfit = &M::JudgeFit;
   if constexpr (requires { &M::ReplicateFit; }) {
     model->replicate_fit = &M::ReplicateFit;
+    model->replicate_terms = &M::ReplicateTerms;
     model->assign_lens_types = &M::AssignLensTypes;
   }
 }

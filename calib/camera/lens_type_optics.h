@@ -19,6 +19,9 @@ struct BlurMeasurement {
   Eigen::Vector2d place{0, 0};  ///< mean micro-image centre, px
 };
 
+/// b_P of w_P = 1 / b_P, m; that of a telecentric lens is finite, beyond any array's means.
+inline double PupilDistance(double w_P) { return 1 / (w_P == 0 ? 1e-9 : w_P); }
+
 /// Distances behind the main lens, m, and the size of a pixel, m.
 struct MicroLensGeometry {
   double f_L = 0, b_L0 = 0, B = 0;

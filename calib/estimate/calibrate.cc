@@ -18,6 +18,7 @@
 #include "calib/prior/prior_agreement.h"
 #include "calib/rig/link_targets.h"
 #include "calib/rig/time_shift.h"
+#include "calib/start/camera_guess.h"
 
 namespace plenocal {
 namespace {
@@ -260,6 +261,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
 
   enter("bundle adjustment");
   SolveRig(input, solve, options.threads, &guess, &calibration);
+  SetByOthers(&calibration.bundle);
 
   enter("uncertainty");
   calibration.findings = JudgeLinks(guess.findings, calibration.bundle, calibration.uncertainty);

@@ -30,6 +30,10 @@ std::string WithSigma(double value, double sigma) {
 std::string RuleText(const Bundle& bundle, size_t c, size_t k) {
   const BundleCamera& camera = bundle.cameras[c];
   std::string text = camera.fixed[k] ? "  (fixed)" : "";
+  const auto by_others = k < camera.ModelParams() ? camera.model->params[k].by_others : nullptr;
+  if (by_others != nullptr && camera.params[k] == by_others(camera.params.data())) {
+    text = "  (by the others)";
+  }
   if (camera.rules.empty()) return text;
   const ParamIndex root = bundle.Root(c, k);
   const ParamRule& rule = bundle.cameras[root.camera].rules[root.param];
@@ -51,14 +55,18 @@ std::string FloorText(const CameraFit& fit) {
   const NoiseFloor &floor = *fit.noise_floor, &floor_all = *fit.noise_floor_all;
   const double per_coordinate = floor.coordinate / floor.length;
   return fmt::format(
-      "  noise floor for any model {:.4f} px; RMS of a coordinate {:.4f} px, noise floor {:.4f} "
-      "({:.0f} degrees of freedom); with the rejected points {:.4f}, noise floor {:.4f}\n",
+      "  noise floor of the affine law {:.4f} px, with third order {:.4f} px; RMS of a coordinate "
+      "{:.4f} px, noise floor {:.4f} ({:.0f} degrees of freedom), with third order {:.4f}; with the "
+      "rejected points {:.4f}, noise floor {:.4f}, with third order {:.4f}\n",
       floor.length,
+      floor.third_order,
       fit.rms * per_coordinate,
       floor.coordinate,
       floor.redundancy,
+      floor.third_order * per_coordinate,
       fit.rms_all * per_coordinate,
-      floor_all.coordinate);
+      floor_all.coordinate,
+      floor_all.third_order * per_coordinate);
 }
 
 std::string LensTypeText(const CameraFit& fit) {

@@ -84,6 +84,10 @@ std::string ResidualsMap(const CameraFit& fit) {
     add("floor", fit.noise_floor->length);
     add("rms_all", fit.rms_all);
     add("floor_all", fit.noise_floor_all->length);
+    if (fit.noise_floor->third_order > 0) {
+      add("floor_third_order", fit.noise_floor->third_order);
+      add("floor_all_third_order", fit.noise_floor_all->third_order);
+    }
   }
   if (!fit.lens_types.empty()) {
     const std::string types = Joined(fit.lens_types, [](const auto& type) {
@@ -350,9 +354,13 @@ CameraFit ReadFit(const YamlNode& node) {
   fit.detector_sigma = RmsOf(node, "detector_sigma");
   fit.common_noise = RmsOf(node, "common_noise");
   fit.rms_all = RmsOf(node, "rms_all");
-  if (node.Has("floor")) fit.noise_floor = NoiseFloor{.length = RmsOf(node, "floor")};
+  if (node.Has("floor")) {
+    fit.noise_floor =
+        NoiseFloor{.length = RmsOf(node, "floor"), .third_order = RmsOf(node, "floor_third_order")};
+  }
   if (node.Has("floor_all")) {
-    fit.noise_floor_all = NoiseFloor{.length = RmsOf(node, "floor_all")};
+    fit.noise_floor_all = NoiseFloor{.length = RmsOf(node, "floor_all"),
+                                     .third_order = RmsOf(node, "floor_all_third_order")};
   }
   for (const auto& [type, rms] : Entries(node, "rms_by_type")) {
     const std::optional<int> number = ParseInt(type);

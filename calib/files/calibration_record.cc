@@ -26,7 +26,8 @@ std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& cam
   };
   const std::span<const Param> params = camera.model->params;
   const size_t f_L = place(params, "f_L"), b_L0 = place(params, "b_L0"), B = place(params, "B"),
-               b_P = place(params, "b_P"), pixel_size = place(camera.model->config, "pixel_size");
+               b_P = place(params, "b_P"), w_P = place(params, "w_P"),
+               pixel_size = place(camera.model->config, "pixel_size");
   const size_t none = params.size();
   if (f_L == none || b_L0 == none || B == none || pixel_size == camera.config.size()) {
     return std::nullopt;
@@ -39,7 +40,8 @@ std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& cam
   return MicroLensGeometry{.f_L = camera.params[f_L],
                            .b_L0 = camera.params[b_L0],
                            .B = camera.params[B],
-                           .b_P = camera.params[b_P == none ? b_L0 : b_P],
+                           .b_P = w_P != none ? PupilDistance(camera.params[w_P])
+                                              : camera.params[b_P == none ? b_L0 : b_P],
                            .pixel_size = camera.config[pixel_size],
                            .sigma_B = camera.Sigma(B),
                            .tilt = two("t_x", "t_y"),

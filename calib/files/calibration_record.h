@@ -26,11 +26,13 @@
 namespace plenocal {
 
 /// The smallest residuals that any camera parameters can leave: the noise estimated from repeated
-/// observations of the same marker in one view.
+/// observations of the same marker in one view, by the affine law that they obey behind a thin
+/// lens.
 struct NoiseFloor {
-  double length = 0;      ///< RMS of the residual vector's length, px
-  double coordinate = 0;  ///< RMS of one coordinate, px; not in files
-  double redundancy = 0;  ///< its degrees of freedom; not in files
+  double length = 0;       ///< RMS of the residual vector's length, px
+  double third_order = 0;  ///< likewise with the third order of a thick lens; 0: not known
+  double coordinate = 0;   ///< RMS of one coordinate, px; not in files
+  double redundancy = 0;   ///< its degrees of freedom; not in files
 };
 
 /// Reprojection error of one camera.

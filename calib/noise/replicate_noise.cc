@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/noise/replicate_noise.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -88,7 +89,8 @@ NoiseFloor EstimateNoiseFloor(const Bundle& bundle,
   const CameraModel& model = *bundle.cameras[camera].model;
   NoiseFloor floor;
   if (model.replicate_fit == nullptr) return floor;
-  double squared = 0;  // sum of the squared residuals of unweighted fits, px^2
+  double squared = 0;        // sum of the squared residuals of unweighted fits, px^2
+  Eigen::MatrixXd products;  // of what the fits leave of coordinates and terms of higher order
   Replicates replicates;
   std::vector<Observation> seen;  // of the replicates
   std::vector<ReplicateResidual> residuals;
@@ -111,10 +113,26 @@ NoiseFloor EstimateNoiseFloor(const Bundle& bundle,
       squared += residual.squared;
       floor.redundancy += residual.redundancy;
     }
+    if (model.replicate_terms == nullptr) continue;
+    const Eigen::MatrixXd rows =
+        model.replicate_terms(bundle.cameras[camera].params.data(), replicates);
+    if (products.size() == 0) products.setZero(rows.cols(), rows.cols());
+    if (rows.size() > 0) products += rows.transpose() * rows;
   }
   if (!(floor.redundancy > 0)) return floor;
   floor.coordinate = std::sqrt(squared / floor.redundancy);
-  floor.length = std::sqrt(static_cast<double>(model.measured.size())) * floor.coordinate;
+  const double by_length = std::sqrt(static_cast<double>(model.measured.size()));
+  floor.length = by_length * floor.coordinate;
+  const Eigen::Index terms = products.cols() - 1;
+  if (!(terms > 0 && floor.redundancy > static_cast<double>(terms))) return floor;
+  // Their sizes differ by orders of magnitude.
+  const Eigen::VectorXd scale = products.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  products = scale.asDiagonal() * products * scale.asDiagonal();
+  const Eigen::VectorXd by_terms = products.col(0).tail(terms);
+  const double explained =
+      by_terms.dot(products.bottomRightCorner(terms, terms).ldlt().solve(by_terms));
+  floor.third_order = by_length * std::sqrt(std::max(0.0, 1 - explained) * squared /
+                                            (floor.redundancy - static_cast<double>(terms)));
   return floor;
 }
 

@@ -314,7 +314,8 @@ std::optional<Trial> PlainTrial(const CameraInput& camera,
                            .image_size = problem.image_size,
                            .config = problem.config,
                            .given = given,
-                           .fixed = problem.fixed};
+                           .fixed = problem.fixed,
+                           .rules = problem.rules};
   return BestTrial(
       camera, markers, {problem.views.begin(), problem.views.end()}, camera.model->Start(plain));
 }
@@ -336,15 +337,34 @@ BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> par
                     .fixed = camera.fixed,
                     .rules = camera.rules,
                     .T_camera_rig = {}};
+  const std::vector<double> sigmas = camera.model->PriorSigmas({.views = camera.views,
+                                                                .image_size = camera.image_size,
+                                                                .config = camera.config,
+                                                                .given = camera.initial});
   for (size_t k = 0; k < made.params.size(); ++k) {
     const Param& param = camera.model->params[k];
     if (param.fixed != Fixed::kNever) made.fixed[k] = true;
-    if (!(param.prior_sigma > 0) || made.fixed[k]) continue;
+    if (made.fixed[k]) continue;
+    const bool has_prior = !made.rules.empty() && made.rules[k].prior;
+    if (param.by_others != nullptr && !camera.initial[k] && !has_prior) {
+      made.params[k] = kByOthers;
+      made.fixed[k] = true;
+    }
+    if (!(sigmas[k] > 0)) continue;
     made.rules.resize(made.params.size());
     ParamRule& rule = made.rules[k];
-    if (!rule.prior && !rule.tied_to) rule.prior = {.value = 0, .sigma = param.prior_sigma};
+    if (!rule.prior && !rule.tied_to) rule.prior = {.value = 0, .sigma = sigmas[k]};
   }
   return made;
+}
+
+void SetByOthers(BundleState* bundle) {
+  for (BundleCamera& camera : bundle->cameras) {
+    for (size_t k = 0; k < camera.ModelParams(); ++k) {
+      if (camera.params[k] != kByOthers) continue;
+      camera.params[k] = camera.model->params[k].by_others(camera.params.data());
+    }
+  }
 }
 
 std::optional<RigidTransform> GuessPose(const BundleCamera& camera,
@@ -373,7 +393,8 @@ CameraGuess GuessCamera(const CameraInput& camera,
                              .image_size = camera.image_size,
                              .config = camera.config,
                              .given = given,
-                             .fixed = &camera.fixed};
+                             .fixed = &camera.fixed,
+                             .rules = camera.rules};
   CheckNotRefused(camera, problem);
   const std::vector<StartCandidate> candidates = camera.model->Start(problem);
   std::optional<Trial> best = BestTrial(camera, markers, views, candidates);

@@ -14,9 +14,13 @@
 
 namespace plenocal {
 
-/// The camera in a bundle with these parameters: those that its model fixes are fixed, and the
-/// model's priors are rules where the input has none.
+/// The camera in a bundle with these parameters: those that its model fixes, or gives by the others
+/// where the input does not state them, are fixed; the model's priors are rules where the input has
+/// none.
 BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> params);
+
+/// Gives the parameters that followed others in an adjustment (`kByOthers`) their values.
+void SetByOthers(BundleState* bundle);
 
 /// Initial guess of one camera: parameters, and the target's pose in each of its views.
 struct CameraGuess {

@@ -152,6 +152,7 @@ class SceneCalibration {
     Assemble();
     Enter("bundle adjustment");
     const Solution solution = SolveBundle();
+    SetByOthers(&calibration_.bundle);
     calibration_.uncertainty = solution.uncertainty;
     calibration_.converged = solution.converged;
     calibration_.iterations = solution.iterations;

@@ -37,12 +37,21 @@
 // at D = b_P + B from the pupil, k = t . c_I / D, it is delta = b_P k / (1 + k), and all equations
 // hold with b_P - delta, b_L0 - delta, B + delta in place of b_P, b_L0, B.
 //
+// A thick main lens bends rays by third-order aberrations too, which of a rotationally symmetric
+// lens are polynomials in c = c_I and the place d = x_thin - c in the micro image, x_thin the x_R
+// above; with the distortion, their part at d = 0, they are complete:
+//
+//   x_R = x_thin + T_1 |d|^2 d + T_2 (2 (c . d) d + |d|^2 c) + T_3 (c . d) c + T_4 |c|^2 d
+//
+// (spherical aberration, coma, astigmatism, curvature of field). Their exit pupil may be at
+// infinity: w_P = 1/b_P in place of b_P, b_P / (b_P + B) = 1 / (1 + B w_P).
+//
 // A marker may have been measured by a template that was scaled for the virtual depth v_t (that of
 // docs/plenoptic.md, by micro-image centres), which is not quite right: then it is displaced by
 // (1 - v_t / v) (x_depth, y_depth), the change of the measured position with ln v_t.
 //
 // Defined for z_C > f_L (a real image exists), for virtual image points not between the micro
-// lenses and the sensor (1/v < 1), and where the distortion does not fold the image over.
+// lenses and the sensor (1/v < 1), and where distortion and aberrations do not fold the image over.
 #pragma once
 
 #include <Eigen/LU>
@@ -58,8 +67,9 @@
 namespace plenocal {
 
 /// Parameters f_L, b_L0, B, c_x, c_y, A_0, A_1, B_0, B_1 and what a model adds; `kPupil` is the
-/// place of b_P among them, `kTilt` that of the first of two angles t of the array, or -1.
-template <int kPupil, int kTilt = -1>
+/// place of b_P among them, `kTilt` that of the first of two angles t of the array, or -1,
+/// `kThick` that of T_1 to T_4, or -1; then w_P stands in the place of b_P.
+template <int kPupil, int kTilt = -1, int kThick = -1>
 struct PlenopticModel {
   // The scales of the distortion are of an image 10 mm wide that it would make another.
   static constexpr std::array kSharedParams{
@@ -91,6 +101,10 @@ struct PlenopticModel {
                            ReplicateResidual* residuals) {
     FitMicroImages(of_marker, weights, residuals);
   }
+  static Eigen::MatrixXd ReplicateTerms(const double* params,
+                                        std::span<const Observation* const> of_marker) {
+    return ThirdOrderOfMicroImages({params[3], params[4]}, of_marker);
+  }
   static void AssignLensTypes(std::vector<View>* views) { FindLensTypes(views); }
 
   /// u_px = distorted raw coordinates; `lens_px` = (lens_x, lens_y, depth, x_depth, y_depth).
@@ -120,15 +134,18 @@ struct PlenopticModel {
     Write(*image, params, config, lens_px, out.predicted);
 
     const Eigen::Matrix2d by_x_R = DistortionJacobian(params, image->x_R) / config[0];
-    const Eigen::Vector2d by_s = by_x_R * p.head<2>();
+    Eigen::Matrix2d by_x_thin = by_x_R;
+    if constexpr (kThick >= 0)
+      by_x_thin = by_x_R * Aberrations(params, image->c_I, image->x_thin).Slope();
+    const Eigen::Vector2d by_s = by_x_thin * p.head<2>();
     const Eigen::Vector2d by_m =
-        by_x_R * image->c_I - lens_px[2] * Eigen::Vector2d(lens_px[3], lens_px[4]);
+        by_x_thin * image->c_I - lens_px[2] * Eigen::Vector2d(lens_px[3], lens_px[4]);
     const ScaleDerivatives by = image->Derivatives(params[0], p.z(), h);
     const auto chain = [&](const Scales& change) -> Eigen::Vector2d {
       return by_s * change.s + by_m * change.m;
     };
     Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> J_point(out.J_point);
-    J_point << by_x_R * image->scales.s, chain(by.z_C);
+    J_point << by_x_thin * image->scales.s, chain(by.z_C);
     if (out.J_h != nullptr) Eigen::Map<Eigen::Vector2d>(out.J_h) = chain(by.h);
     if (out.J_params == nullptr) return true;
 
@@ -138,7 +155,16 @@ struct PlenopticModel {
     J.col(1) = chain(by.b_L0);
     J.col(2) = chain(by.B);
     J.col(kPupil) += chain(by.b_P);
-    Eigen::Matrix2d by_c_I = by_x_R * image->scales.m;
+    Eigen::Matrix2d by_c_I = by_x_thin * image->scales.m;
+    if constexpr (kThick >= 0) {
+      if (params[kPupil] == kByOthers) {
+        J.col(1) -= chain(by.b_P) / (params[1] * params[1]);
+        J.col(kPupil).setZero();
+      }
+      const Aberrations at(params, image->c_I, image->x_thin);
+      by_c_I += by_x_R * at.ByCentre() - by_x_thin + by_x_R;
+      J.template middleCols<4>(kThick) = by_x_R * at.Terms();
+    }
     if constexpr (kTilt >= 0) {
       // b_P - delta, b_L0 - delta, B + delta with delta = b_P k / (1 + k), k = t . c_I / D
       const Eigen::Vector2d by_delta = chain(by.B) - chain(by.b_L0) - chain(by.b_P);
@@ -169,8 +195,11 @@ struct PlenopticModel {
     const auto c_I = Undistort(params, (Eigen::Vector2d(values[2], values[3]) - c) * config[0]);
     if (!x_R || !c_I) return std::nullopt;
     const auto [b_P, b_L0, B] = DistancesAt(params, *c_I);
-    const Eigen::Vector2d c_ML = *c_I * (b_P / (b_P + B));
-    const Eigen::Vector2d x_ML = *x_R - c_ML;
+    const Eigen::Vector2d c_ML = *c_I * PupilScale(b_P, B);
+    std::optional<Eigen::Vector2d> x_thin = x_R;
+    if constexpr (kThick >= 0) x_thin = Aberrations::Without(params, *c_I, *x_R);
+    if (!x_thin) return std::nullopt;
+    const Eigen::Vector2d x_ML = *x_thin - c_ML;
     // The images of the ray's points behind the main lens lie on x_ML / B. Its point at infinity is
     // the image of `origin`, its point on the micro lens that of origin - direction / ..., both by
     // the thin lens; their difference has no singularity at f_L = b_L0.
@@ -181,15 +210,25 @@ struct PlenopticModel {
     return ray;
   }
 
- private:
-  static constexpr int kCount = 9 + (kPupil < 9 ? 0 : 1) + (kTilt < 0 ? 0 : 2);
+ protected:
+  /// w_P of a pupil in the thin main lens.
+  static double InverseOfMainLens(const double* params) { return 1 / params[1]; }
 
-  /// Distances pupil - micro lens, main lens - micro lens, micro lens - sensor.
+ private:
+  static constexpr double kLastStep =
+      1e-7;  // relative; its square, the error after it, is rounding
+  static constexpr int kCount =
+      9 + (kPupil < 9 ? 0 : 1) + (kTilt < 0 ? 0 : 2) + (kThick < 0 ? 0 : 4);
+
+  /// Distances pupil - micro lens (of a thick lens its inverse), main lens - micro lens, micro lens
+  /// - sensor.
   struct Distances {
     double b_P, b_L0, B;
   };
   static Distances DistancesAt(const double* params, const Eigen::Vector2d& c_I) {
-    const double b_P = params[kPupil], b_L0 = params[1], B = params[2];
+    const double b_L0 = params[1], B = params[2];
+    const bool in_main_lens = kThick >= 0 && params[kPupil] == kByOthers;
+    const double b_P = in_main_lens ? InverseOfMainLens(params) : params[kPupil];
     if constexpr (kTilt < 0) {
       return {b_P, b_L0, B};
     } else {
@@ -198,6 +237,56 @@ struct PlenopticModel {
       return {b_P - delta, b_L0 - delta, B + delta};
     }
   }
+
+  /// c_ML / c_I
+  static double PupilScale(double b_P, double B) {
+    return kThick >= 0 ? 1 / (1 + B * b_P) : b_P / (b_P + B);
+  }
+
+  /// The third order at a place x_thin behind a micro lens.
+  struct Aberrations {
+    Eigen::Map<const Eigen::Vector4d> T;
+    Eigen::Vector2d c, d;
+
+    Aberrations(const double* params, const Eigen::Vector2d& c_I, const Eigen::Vector2d& x_thin)
+        : T(params + kThick), c(c_I), d(x_thin - c_I) {}
+
+    [[nodiscard]] Eigen::Vector2d Displacement() const { return Terms() * T; }
+    /// Derivatives of the displacement by T_1 to T_4.
+    [[nodiscard]] Eigen::Matrix<double, 2, 4> Terms() const { return ThirdOrderTerms(c, d); }
+    /// Of x_R by x_thin.
+    [[nodiscard]] Eigen::Matrix2d Slope() const {
+      const Eigen::Matrix2d across = d * c.transpose();
+      const double even = T[0] * d.squaredNorm() + 2 * T[1] * c.dot(d) + T[3] * c.squaredNorm();
+      return (1 + even) * Eigen::Matrix2d::Identity() + 2 * T[0] * d * d.transpose() +
+             2 * T[1] * (across + across.transpose()) + T[2] * c * c.transpose();
+    }
+    /// Of the displacement by c, d fixed.
+    [[nodiscard]] Eigen::Matrix2d ByCentre() const {
+      return (T[1] * d.squaredNorm() + T[2] * c.dot(d)) * Eigen::Matrix2d::Identity() +
+             2 * T[1] * d * d.transpose() + T[2] * c * d.transpose() + 2 * T[3] * d * c.transpose();
+    }
+    /// Whether the slope, symmetric, is positive from d = 0 on. Its terms' eigenvalues are at most
+    /// 3, 6, 1 and 1 of |d|^2, |c| |d|, |c|^2 and |c|^2.
+    [[nodiscard]] bool Unfolded() const {
+      const double c2 = c.squaredNorm(), d2 = d.squaredNorm();
+      return 1 + 3 * std::min(T[0], 0.0) * d2 - 6 * std::abs(T[1]) * std::sqrt(c2 * d2) +
+                 (std::min(T[2], 0.0) + std::min(T[3], 0.0)) * c2 >
+             0;
+    }
+    /// x_thin of x_R.
+    static std::optional<Eigen::Vector2d> Without(const double* params,
+                                                  const Eigen::Vector2d& c_I,
+                                                  const Eigen::Vector2d& x_R) {
+      const auto map = [&](const Eigen::Vector2d& p, Eigen::Vector2d* x, Eigen::Matrix2d* slope) {
+        const Aberrations at(params, c_I, p);
+        *x = p + at.Displacement();
+        *slope = at.Slope();
+        return at.Unfolded();
+      };
+      return InvertMap(map, x_R, x_R, kLastStep * (x_R - c_I).norm());
+    }
+  };
 
   /// The two numbers in x_R = s x_C + m c_I.
   struct Scales {
@@ -209,7 +298,7 @@ struct PlenopticModel {
   /// A point behind a micro lens, undistorted.
   struct Image {
     Scales scales;
-    Eigen::Vector2d c_I, x_R;
+    Eigen::Vector2d c_I, x_thin, x_R;
     Distances lens;  ///< there
     double d, inverse_v, pupil;
 
@@ -226,7 +315,12 @@ struct PlenopticModel {
                               .b_P = {0, (1 - w) * B / (sum * sum)},
                               .z_C = by(f_L - b_L0, 0, B),
                               .h = by(f_L * b_L0, 0, -f_L * B)};
-      result.B.m -= (1 - w) * b_P / (sum * sum);
+      if constexpr (kThick >= 0) {
+        result.b_P.m = -(1 - w) * B * pupil * pupil;
+        result.B.m -= (1 - w) * b_P * pupil * pupil;
+      } else {
+        result.B.m -= (1 - w) * b_P / (sum * sum);
+      }
       return result;
     }
   };
@@ -250,10 +344,16 @@ struct PlenopticModel {
     if (image.d == 0 || (h < 0 && (image.d > 0) != (f_L > b_L0))) return std::nullopt;
     image.inverse_v = B * beyond / image.d;
     if (!(image.inverse_v < 1)) return std::nullopt;
-    image.pupil = b_P / (b_P + B);
+    image.pupil = PupilScale(b_P, B);
     image.scales.s = f_L * B / image.d;
     image.scales.m = image.pupil * (1 - image.inverse_v);
-    image.x_R = image.scales.s * p.head<2>() + image.scales.m * image.c_I;
+    image.x_thin = image.scales.s * p.head<2>() + image.scales.m * image.c_I;
+    image.x_R = image.x_thin;
+    if constexpr (kThick >= 0) {
+      const Aberrations at(params, image.c_I, image.x_thin);
+      if (!at.Unfolded()) return std::nullopt;
+      image.x_R += at.Displacement();
+    }
     if (!Unfolded(params, image.x_R)) return std::nullopt;
     return image;
   }
@@ -309,7 +409,6 @@ struct PlenopticModel {
 
   static std::optional<Eigen::Vector2d> Undistort(const double* params,
                                                   const Eigen::Vector2d& distorted) {
-    constexpr double kLastStep = 1e-7;  // relative; its square, the error after it, is rounding
     const auto map = [&](const Eigen::Vector2d& p, Eigen::Vector2d* image, Eigen::Matrix2d* slope) {
       *image = Distort(params, p);
       *slope = DistortionJacobian(params, p);

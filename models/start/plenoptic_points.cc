@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -169,6 +170,29 @@ void FitMicroImages(std::span<const Observation* const> of_marker,
     residuals[i] = {(seen[i].point - mean_x - s * c).squaredNorm(),
                     2 - 2 * weights[i] / sum - weights[i] * c.squaredNorm() / spread};
   }
+}
+
+Eigen::MatrixXd ThirdOrderOfMicroImages(const Vector2d& principal_point,
+                                        std::span<const Observation* const> of_marker) {
+  const auto n = static_cast<Eigen::Index>(of_marker.size());
+  Eigen::MatrixXd rows(2 * n, 5), of_fit = Eigen::MatrixXd::Zero(2 * n, 3);  // by u_0 and s
+  std::vector<AtRightDepth> seen;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const AtRightDepth& at = seen.emplace_back(*of_marker[static_cast<size_t>(i)]);
+    rows.col(0).segment<2>(2 * i) = at.point;
+    of_fit.middleRows<2>(2 * i) << 1, 0, at.centre.x(), 0, 1, at.centre.y();
+  }
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> fit(of_fit);
+  if (fit.rank() < of_fit.cols()) return {};
+  const Eigen::VectorXd fitted = of_fit * fit.solve(rows.col(0));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Vector2d centre = CentreOf(*of_marker[static_cast<size_t>(i)]);
+    const auto& [point, at_centre] = seen[static_cast<size_t>(i)];
+    const Vector2d by_depth = Point(*of_marker[static_cast<size_t>(i)]) - point;
+    rows.block<2, 4>(2 * i, 1) =
+        ThirdOrderTerms(centre - principal_point, fitted.segment<2>(2 * i) + by_depth - centre);
+  }
+  return rows - of_fit * fit.solve(rows);
 }
 
 void FindLensTypes(std::vector<View>* views) {

@@ -212,4 +212,30 @@ std::vector<StartCandidate> StartPlenopticPupil(const CameraModel& pinhole,
   return candidates;
 }
 
+std::vector<StartCandidate> StartPlenopticThick(const CameraModel& pinhole,
+                                                const StartProblem& problem) {
+  const auto& given = problem.given[kCount];
+  std::vector<StartCandidate> candidates = StartPlenoptic(pinhole, problem);
+  for (StartCandidate& thin : candidates) {
+    thin.params.push_back(given.value_or(1 / thin.params[kMlaDistance]));
+  }
+  const auto camera = given ? CalibrateVirtualImage(pinhole, problem) : std::nullopt;
+  if (!camera) return candidates;
+  // The equations of `StartPlenopticPupil` for e, f_L and B; F^2 = b B (1 + B w_P).
+  const double F = camera->focal, w_P = *given;
+  const Eigen::Vector2d ab = camera->FitLine();
+  const double B = 2 * F * F / (ab[1] + std::sqrt(ab[1] * ab[1] + 4 * ab[1] * w_P * F * F));
+  const double e = ab[0] * B / (1 + B * w_P * (1 - ab[0]));
+  const double f_L = ab[1] * B * (1 + e * w_P) / F;
+  std::vector<double> params = camera->params;
+  params[kFocal] = problem.given[kFocal].value_or(f_L);
+  params[kMlaDistance] = problem.given[kMlaDistance].value_or(params[kFocal] - e);
+  params[kSensorDistance] = problem.given[kSensorDistance].value_or(B);
+  params.push_back(w_P);
+  if (std::ranges::all_of(params, [](double value) { return std::isfinite(value); })) {
+    candidates.insert(candidates.begin(), {params});
+  }
+  return candidates;
+}
+
 }  // namespace plenocal

@@ -30,6 +30,10 @@ std::vector<StartCandidate> StartPlenoptic(const CameraModel& pinhole, const Sta
 std::vector<StartCandidate> StartPlenopticPupil(const CameraModel& pinhole,
                                                 const StartProblem& problem);
 
+/// Likewise with w_P = 1/b_P as tenth parameter: given, or that of a pupil in the thin lens.
+std::vector<StartCandidate> StartPlenopticThick(const CameraModel& pinhole,
+                                                const StartProblem& problem);
+
 /// The virtual image of each view, in which the camera is an ordinary one of focal length b_L0 + B:
 /// one observation (x, y) for each marker that at least two micro images show, px.
 std::vector<View> VirtualImageViews(std::span<const View> views);

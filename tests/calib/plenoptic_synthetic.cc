@@ -68,8 +68,15 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
 
   const bool tilted = options.tilt[0] != 0 || options.tilt[1] != 0;
   if (tilted) problem.params.insert(problem.params.end(), options.tilt.begin(), options.tilt.end());
-  const CameraModel* model =
-      FindModel(CameraModels(), tilted ? "focused-plenoptic-tilt" : "focused-plenoptic");
+  const bool thick = options.third_order != std::array<double, 4>{};
+  if (thick) problem.params.push_back(1 / b_L0);
+  if (thick)
+    problem.params.insert(
+        problem.params.end(), options.third_order.begin(), options.third_order.end());
+  const CameraModel* model = FindModel(CameraModels(),
+                                       tilted  ? "focused-plenoptic-tilt"
+                                       : thick ? "plenoptic-thick"
+                                               : "focused-plenoptic");
   CameraInput camera{.name = "plenoptic",
                      .model = model,
                      .config = {kPixel},

@@ -30,6 +30,8 @@ struct PlenopticOptions {
   double shared_slope = 0;  ///< likewise, one for all frames, stated in `View::by_nuisance`
   /// Angles of the array, rad, of a focused-plenoptic-tilt camera; zeros: focused-plenoptic.
   std::array<double, 2> tilt{0, 0};
+  /// T_1 to T_4, m^-2, of a plenoptic-thick camera whose pupil is in the thin lens; or zeros.
+  std::array<double, 4> third_order{0, 0, 0, 0};
   /// Least one; 0 for 2.2 to 2.8. The number of micro images of a marker goes with its square.
   double virtual_depth = 0;
 };

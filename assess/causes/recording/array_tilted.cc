@@ -11,6 +11,7 @@
 #include "assess/causes/cause.h"
 #include "calib/adjust/rows.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/lens_type_optics.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/noise/uncertainty.h"
 
@@ -23,6 +24,7 @@ constexpr double kTiltLevel = 1e-3;  // false alarms, a camera
 /// (models/start/plenoptic_model.h).
 struct Distances {
   size_t f_L, b_L0, B, b_P, c_x, c_y;
+  bool inverse = false;  ///< w_P = 1 / b_P stands in the place of b_P
 
   static std::optional<Distances> Of(const CameraModel& model) {
     const auto find = [&](std::string_view name) {
@@ -32,8 +34,13 @@ struct Distances {
     const size_t count = model.params.size();
     Distances of{find("f_L"), find("b_L0"), find("B"), find("b_P"), find("c_x"), find("c_y")};
     if (!model.plenoptic || HasTilt(model) || of.B == count) return std::nullopt;
+    of.inverse = find("w_P") != count;
+    if (of.inverse) of.b_P = find("w_P");
     if (of.b_P == count) of.b_P = of.b_L0;
     return of;
+  }
+  [[nodiscard]] double Pupil(const std::vector<double>& p) const {
+    return inverse ? PupilDistance(p[b_P]) : p[b_P];
   }
 };
 
@@ -57,13 +64,14 @@ Eigen::Matrix2d ByTilt(const Bundle& bundle,
   }
   const auto column = [&](size_t k) { return J.col(static_cast<Eigen::Index>(k)); };
   Eigen::Vector2d by_delta = column(of.B) - column(of.b_L0);
-  if (of.b_P != of.b_L0) by_delta -= column(of.b_P);
+  const double pupil = of.Pupil(camera.params);
+  if (of.b_P != of.b_L0) by_delta -= column(of.b_P) * (of.inverse ? -1 / (pupil * pupil) : 1);
   // The rows are those of measured less predicted, in standard deviations.
   by_delta *= -camera.noise.OwnSigma(observation.assumed_sigma);
   const std::vector<double>& p = camera.params;
   const Eigen::Vector2d c_ML = Eigen::Vector2d(observation.seen.values[2] - p[of.c_x],
                                                observation.seen.values[3] - p[of.c_y]) *
-                               (camera.config[0] * p[of.b_P] / (p[of.b_P] + p[of.B]));
+                               (camera.config[0] * pupil / (pupil + p[of.B]));
   return by_delta * c_ML.transpose();
 }
 
@@ -97,7 +105,7 @@ Bundle WithTilt(Bundle bundle, size_t c, const Distances& of, double unit) {
 /// sensor than assumed (docs/plenoptic.md, "Tilted arrays").
 double DistanceError(const std::vector<double>& p, const Distances& of, double z, double delta) {
   const double e = p[of.f_L] - p[of.b_L0];
-  const double by_z = e * (e + p[of.b_P]) / (p[of.f_L] * p[of.f_L] * p[of.b_P]);
+  const double by_z = e * (e + of.Pupil(p)) / (p[of.f_L] * p[of.f_L] * of.Pupil(p));
   return std::abs(delta) / p[of.B] * std::abs(1 + by_z * z);
 }
 
