@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Standard errors of plenoptic calibrations against the truth, over image sets of random cameras.
 
-    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0] [--tilt 8] [--quarter]
+    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0] [--tilt 8] [--quarter] [--large]
 
 Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens types, Galilean or Keplerian, micro images of
 12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
@@ -10,13 +10,14 @@ sensor through thin micro lenses, the main lens' stop and its thin lens to the t
 models/start/plenoptic_model.h, which knows micro lenses as pinholes and no stop. A set that is there already is not rendered
 or calibrated again. Prints (estimate - truth) / sigma of all parameters and the means of their squares. --tilt: arrays tilted by
 so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what `array_tilted` states. --quarter: two lens
-types, one lens in four of the second.
-Needs python3-numpy, python3-opencv, python3-scipy, python3-yaml.
+types, one lens in four of the second. --large: 2048 x 2048 px, f_L 16 mm, three types, with a stereo pair.
+Needs python3-numba, python3-numpy, python3-opencv, python3-scipy, python3-yaml.
 """
 import pathlib
 import sys
 
 import cv2
+import numba
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -39,22 +40,102 @@ def points_of_disc():
     return grid[(grid**2).sum(1) < 1]
 
 
+@numba.njit(error_model="numpy")
 def ramp(x):
-    return np.maximum(x, 0)**2
+    return max(x, 0)**2
+
+
+@numba.njit(error_model="numpy")
+def reaches_stop(place, right, down, c, inverse_f, tilt, B, b_L0, stop, reach):
+    """False where no ray from a pixel through a micro lens passes the main lens' stop; true for all others, and for some more."""
+    delta = c[0] * tilt[0] + c[1] * tilt[1]
+    magnified = (b_L0 - delta) / (B + delta)
+    x, y = c[0] * (1 + magnified) - place[0] * magnified, c[1] * (1 + magnified) - place[1] * magnified
+    spread = abs(1 + magnified - (b_L0 - delta) * inverse_f) * reach + magnified * (abs(right[0] + down[0]) + abs(right[1] + down[1]))
+    return x * x + y * y < (1.1 * stop + 1.5 * spread)**2
+
+
+@numba.njit(error_model="numpy")
+def white_light(place, right, down, near, lenses, inverse_f, tilt, B, b_L0, stop, points):
+    light, reach = np.zeros(len(place)), np.abs(points).max()
+    for i in range(len(place)):
+        for lens in near[i]:
+            c = lenses[lens]
+            if not reaches_stop(place[i], right[i], down[i], c, inverse_f[lens], tilt, B, b_L0, stop, reach):
+                continue
+            for a in points:
+                delta = (c[0] + a[0]) * tilt[0] + (c[1] + a[1]) * tilt[1]
+                to_main = b_L0 - delta
+                magnified = to_main / (B + delta)  # from the sensor to the main lens
+                by_aperture = 1 + magnified - to_main * inverse_f[lens]
+                x = c[0] * (1 + magnified) - place[i, 0] * magnified + by_aperture * a[0]  # at the main lens
+                y = c[1] * (1 + magnified) - place[i, 1] * magnified + by_aperture * a[1]
+                distance = np.sqrt(x * x + y * y)
+                # The pixel at the main lens is a parallelogram with these half sides across the stop's edge.
+                u = abs(right[i, 0] * x + right[i, 1] * y) / distance * magnified / 2
+                v = abs(down[i, 0] * x + down[i, 1] * y) / distance * magnified / 2
+                long, short = max(u, v), max(min(u, v), 1e-12)
+                inward = stop - distance
+                light[i] += (ramp(inward + long + short) - ramp(inward + long - short) - ramp(inward - long + short)
+                             + ramp(inward - long - short)) / (8 * long * short)
+    return light
+
+
+@numba.njit(error_model="numpy")
+def traced_light(place, right, down, near, lenses, inverse_f, tilt, B, b_L0, f_L, stop, points, aside, shift, R, t, texture, scale):
+    """Light of each board, (boards, pixels): of each point of the micro lenses' apertures a ray from a point of the pixel.
+    The points of a pixel are `aside` plus its `shift`, modulo 1: sampling makes noise, no pattern common to all pixels."""
+    light, reach = np.zeros((len(R), len(place))), np.abs(points).max()
+    rows, columns = texture.shape
+    for i in range(len(place)):
+        for lens in near[i]:
+            if not reaches_stop(place[i], right[i], down[i], lenses[lens], inverse_f[lens], tilt, B, b_L0, stop, reach):
+                continue
+            for k in range(len(points)):
+                a0, a1 = points[k]
+                m0, m1 = lenses[lens, 0] + a0, lenses[lens, 1] + a1
+                u, v = (aside[k, 0] + shift[i, 0]) % 1 - 0.5, (aside[k, 1] + shift[i, 1]) % 1 - 0.5
+                s0 = place[i, 0] + right[i, 0] * u + down[i, 0] * v
+                s1 = place[i, 1] + right[i, 1] * u + down[i, 1] * v
+                delta = m0 * tilt[0] + m1 * tilt[1]
+                slope0 = (m0 - s0) / (B + delta) - a0 * inverse_f[lens]  # behind the micro lens
+                slope1 = (m1 - s1) / (B + delta) - a1 * inverse_f[lens]
+                o0, o1 = m0 + slope0 * (b_L0 - delta), m1 + slope1 * (b_L0 - delta)
+                if o0 * o0 + o1 * o1 >= stop * stop:
+                    continue
+                # The scene is turned by 180 degrees against the sensor.
+                d0, d1 = o0 / f_L - slope0, o1 / f_L - slope1
+                o0, o1 = -o0, -o1
+                for b in range(len(R)):
+                    n0, n1, n2 = R[b, 0, 2], R[b, 1, 2], R[b, 2, 2]
+                    z = (n0 * (t[b, 0] - o0) + n1 * (t[b, 1] - o1) + n2 * t[b, 2]) / (d0 * n0 + d1 * n1 + n2)  # on the plane through t
+                    p0, p1, p2 = o0 + z * d0 - t[b, 0], o1 + z * d1 - t[b, 1], z - t[b, 2]
+                    x = (p0 * R[b, 0, 0] + p1 * R[b, 1, 0] + p2 * R[b, 2, 0]) * scale
+                    y = (p0 * R[b, 0, 1] + p1 * R[b, 1, 1] + p2 * R[b, 2, 1]) * scale
+                    column, row = int(np.floor(x)), int(np.floor(y))
+                    if column < 0 or row < 0 or column >= columns - 1 or row >= rows - 1:
+                        light[b, i] += 0.8
+                        continue
+                    x, y = x - column, y - row
+                    light[b, i] += ((1 - y) * ((1 - x) * texture[row, column] + x * texture[row, column + 1])
+                                    + y * ((1 - x) * texture[row + 1, column] + x * texture[row + 1, column + 1]))
+    return light
 
 
 class Optics:
     """A camera; lengths in metres, image coordinates upright (the physical ones turned by 180 degrees)."""
 
-    def __init__(self, seed, tilt, quarter):
+    def __init__(self, seed, tilt, quarter, large):
         random = np.random.default_rng(seed)
         self.random = random
         self.pixel = 5.5e-6
         pitch = random.uniform(12, 40)  # px
         self.size = int(np.clip(26 * pitch, 420, 720))
         f_L = np.exp(random.uniform(np.log(8e-3), np.log(50e-3)))
+        if large:
+            pitch, self.size, f_L = 23.2, 2048, 16e-3
         B = pitch * self.pixel * random.uniform(2.2, 4)
-        keplerian = random.random() < 0.25
+        keplerian = random.random() < 0.25 and not large
         # Virtual depths (v_P) of the target's nearest and farthest point, and at infinity.
         if keplerian:
             infinity, near, far = -6.0, -2.6, -5.0
@@ -67,15 +148,15 @@ class Optics:
                                c_y=self.size / 2 + random.uniform(-12, 12), A_0=random.uniform(-0.004, 0.004) / half**2,
                                A_1=random.uniform(-0.001, 0.001) / half**4, B_0=random.uniform(-3e-4, 3e-4) / half,
                                B_1=random.uniform(-3e-4, 3e-4) / half)
-        focus = np.quantile([near, far], (0.15, 0.5, 0.85)) if random.random() < 0.5 else [(near + far) / 2]
+        focus = np.quantile([near, far], (0.15, 0.5, 0.85)) if random.random() < 0.5 or large else [(near + far) / 2]
         if quarter:
             focus = np.quantile([near, far], (0.25, 0.75))
         self.f_micro = np.array([B * v / (v - 1) for v in focus])
         self.stop = 0.46 * pitch * self.pixel * b_L0 / B * random.uniform(0.95, 1)
         self.aperture = 0.35 * pitch * self.pixel * b_L0 / (b_L0 + B)
         self.full_well = random.choice([5000, 10000, 30000])
-        self.mosaic = random.random() < 0.3
-        self.chessboard = random.random() < 0.3
+        self.mosaic = random.random() < 0.3 and not large
+        self.chessboard = random.random() < 0.3 and not large
         angle = random.uniform(0, np.pi / 3)
         basis = pitch * self.pixel * np.array([[np.cos(angle), np.cos(angle + np.pi / 3)],
                                                [np.sin(angle), np.sin(angle + np.pi / 3)]])
@@ -107,71 +188,22 @@ class Optics:
         from scipy.spatial import cKDTree
         self.near = cKDTree(self.centres).query(self.place, k=3)[1]
 
-    def rays(self):
-        """For samples of pixel and micro lens: share of light, origin at the main lens, slope in the scene."""
-        p = self.parameters
-        grid = points_of_disc()
-        halton = np.array([[((i + 1) * 0.7548776662) % 1 - 0.5, ((i + 1) * 0.5698402910) % 1 - 0.5] for i in range(len(grid))])
-        shuffle = self.random.permutation(len(grid))
-        for k in range(3):
-            lens = self.near[:, k]
-            c_ML = self.lenses[lens]
-            inverse_f = (1 / self.f_micro)[self.types[lens]][:, None]
-            for point, aside in zip(grid, halton[shuffle]):
-                sensor = self.place + self.right * aside[0] + self.down * aside[1]
-                a = point * self.aperture
-                delta = ((c_ML + a) @ self.tilt)[:, None]
-                slope = (c_ML + a - sensor) / (p["B"] + delta)  # from the sensor to the micro lens
-                slope = slope - a * inverse_f
-                at_main = c_ML + a + slope * (p["b_L0"] - delta)
-                passed = (at_main**2).sum(1) < self.stop**2
-                out = slope - at_main / p["f_L"]
-                # The scene is turned by 180 degrees against the sensor.
-                yield passed, -at_main, -out
-
     def white(self):
         """Light of a white field. Pixels are integrated exactly, so that the lattice is not worse than its noise."""
         p = self.parameters
-        light = np.zeros(self.size**2)
-        for k in range(3):
-            lens = self.near[:, k]
-            for point in points_of_disc():
-                a = point * self.aperture
-                delta = ((self.lenses[lens] + a) @ self.tilt)[:, None]
-                b_L0 = p["b_L0"] - delta
-                magnified = b_L0 / (p["B"] + delta)  # from the sensor to the main lens
-                right, down = self.right * magnified, self.down * magnified
-                by_aperture = 1 + magnified - b_L0 / self.f_micro[self.types[lens]][:, None]
-                at_main = self.lenses[lens] * (1 + magnified) - self.place * magnified + by_aperture * a
-                distance = np.linalg.norm(at_main, axis=1)
-                across = at_main / distance[:, None]
-                # The pixel at the main lens is a parallelogram with these half sides across the stop's edge.
-                sides = np.abs([(right * across).sum(1) / 2, (down * across).sum(1) / 2])
-                long, short = sides.max(0), np.maximum(sides.min(0), 1e-12)
-                inward = self.stop - distance
-                light += (ramp(inward + long + short) - ramp(inward + long - short) - ramp(inward - long + short)
-                          + ramp(inward - long - short)) / (8 * long * short)
-        return light
+        return white_light(self.place, self.right, self.down, self.near, self.lenses, (1 / self.f_micro)[self.types],
+                           self.tilt, p["B"], p["b_L0"], self.stop, points_of_disc() * self.aperture)
 
     def images(self, boards, texture, scale):
         """White field and images of boards; `boards`: R, t of the board in the camera, `scale`: texture px per m."""
-        light = np.zeros((1 + len(boards), self.size**2), np.float32)
-        light[0] = self.white()
-        for passed, origin, slope in self.rays():
-            if not passed.any():
-                continue
-            o, d = origin[passed].astype(np.float32), slope[passed].astype(np.float32)
-            for k, (R, t) in enumerate(boards):
-                normal = R[:, 2]
-                # o + s (d, 1) on the plane through t
-                s = (normal @ t - o @ normal[:2].astype(np.float32)) / (d @ normal[:2].astype(np.float32) + normal[2])
-                point = np.column_stack([o + s[:, None] * d, s]) - t
-                board = (point @ R[:, :2]).astype(np.float32) * scale
-                board = np.resize(board, (-(-len(board) // 1024) * 1024, 2)).reshape(-1, 1024, 2)  # remap's limit
-                value = cv2.remap(texture, board[..., 0], board[..., 1], cv2.INTER_LINEAR,
-                                  borderMode=cv2.BORDER_CONSTANT, borderValue=0.8)
-                light[1 + k, passed] += value.reshape(-1)[:len(o)]
-        return light.reshape(-1, self.size, self.size) / np.quantile(light[0], 0.99)
+        p = self.parameters
+        grid = points_of_disc()
+        spread = np.array([[((i + 1) * 0.7548776662) % 1, ((i + 1) * 0.5698402910) % 1] for i in range(len(grid))])
+        light = traced_light(self.place, self.right, self.down, self.near, self.lenses, (1 / self.f_micro)[self.types], self.tilt, p["B"],
+                             p["b_L0"], p["f_L"], self.stop, grid * self.aperture, spread[self.random.permutation(len(grid))],
+                             self.random.random((len(self.place), 2)), np.array([R for R, _ in boards]), np.array([t for _, t in boards]), texture, scale)
+        light = np.concatenate([self.white()[None], light])
+        return (light / np.quantile(light[0], 0.99)).reshape(-1, self.size, self.size).astype(np.float32)
 
     def grey(self, light):
         """8 bits with blur of the pixels, shot and read noise."""
@@ -183,8 +215,30 @@ class Optics:
         return np.clip(np.rint(electrons * 255 / self.full_well), 0, 255).astype(np.uint8)
 
 
-def write_set(folder, seed, tilt, quarter, images=12):
-    camera = Optics(seed, tilt, quarter)
+class OrdinaryCamera:
+    """A camera of the pair, 1280 x 1024 px, beside the plenoptic one."""
+
+    def __init__(self, random, side):
+        self.K = np.array([[1350 + random.uniform(-20, 20), 0, 640 + random.uniform(-9, 9)], [0, 1350, 512 + random.uniform(-9, 9)], [0, 0, 1]])
+        self.distortion = np.array([-0.1, 0.05, 4e-4, -3e-4])
+        self.R, self.t = rotation([0.01, -0.15 * side, 0.005 * side]), np.array([-0.08 * side, 0.002, 0.003])  # from the plenoptic camera
+
+    def image(self, board, texture, scale, random):
+        """16 samples a pixel, blur, noise."""
+        R, t = self.R @ board[0], self.R @ board[1] + self.t
+        y, x = np.mgrid[:4 * 1024, :4 * 1280]
+        pixels = (np.stack([x, y], -1).reshape(-1, 1, 2) - 1.5) / 4
+        slope = cv2.undistortPoints(pixels, self.K, self.distortion).reshape(-1, 2)
+        onto = np.linalg.inv(np.column_stack([R[:, 0], R[:, 1], t]))
+        place = np.column_stack([slope, np.ones(len(slope))]) @ onto.T
+        place = (place[:, :2] / place[:, 2:] * scale).astype(np.float32).reshape(4 * 1024, 4 * 1280, 2)
+        value = cv2.remap(texture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0.8)
+        light = cv2.GaussianBlur(cv2.resize(value, (1280, 1024), interpolation=cv2.INTER_AREA), (0, 0), 0.5)
+        return np.clip(np.rint(200 * light + random.normal(size=light.shape) * 2), 0, 255).astype(np.uint8)
+
+
+def write_set(folder, seed, tilt, quarter, large, images=12):
+    camera = Optics(seed, tilt, quarter, large)
     p, random = camera.parameters, camera.random
     near, far = camera.distance
     middle = np.sqrt(near * far)
@@ -211,8 +265,8 @@ def write_set(folder, seed, tilt, quarter, images=12):
     boards = []
     for _ in range(images):
         z = np.exp(random.uniform(np.log(near * 1.15), np.log(far * 0.9)))
-        tilt, around = random.uniform(0.35, 0.7), random.uniform(0, 2 * np.pi)
-        R = rotation([tilt * np.cos(around), tilt * np.sin(around), 0]) @ rotation([0, 0, random.uniform(-0.4, 0.4)])
+        lean, around = random.uniform(0.35, 0.7), random.uniform(0, 2 * np.pi)
+        R = rotation([lean * np.cos(around), lean * np.sin(around), 0]) @ rotation([0, 0, random.uniform(-0.4, 0.4)])
         aside = 0.25 * camera.size * camera.pixel / (p["b_L0"] + p["B"]) * z * random.uniform(-1, 1, 2)
         t = np.array([aside[0], aside[1], z]) - R[:, :2] @ (centre / scale)
         boards.append((R, t))
@@ -227,8 +281,16 @@ def write_set(folder, seed, tilt, quarter, images=12):
         model="focused-plenoptic-tilt" if tilt else "focused-plenoptic", images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
     if camera.mosaic:
         session["cameras"]["plenoptic"]["bayer"] = "RGGB"
+    poses = [[*map(float, cv2.Rodrigues(R)[0].ravel()), *map(float, t)] for R, t in boards]  # of the texture's corner, m
+    if large:
+        for name, side in (("left", -1), ("right", 1)):
+            ordinary = OrdinaryCamera(random, side)
+            (folder / name).mkdir(exist_ok=True)
+            for k, board in enumerate(boards):
+                cv2.imwrite(str(folder / name / f"{k:03}.png"), ordinary.image(board, texture, scale, random))
+            session["cameras"][name] = dict(model="pinhole-radtan4", images=f"{name}/*.png")
     save(folder / "session.yaml", session)
-    description = dict(parameters={key: float(value) for key, value in p.items()}, pitch=float(camera.pitch),
+    description = dict(poses=poses, texture_scale=float(scale), origin=[float(x) for x in origin], parameters={key: float(value) for key, value in p.items()}, pitch=float(camera.pitch),
                        types=len(camera.f_micro), f_micro=[float(f) for f in camera.f_micro], mosaic=bool(camera.mosaic),
                        target="chessboard" if camera.chessboard else "aprilgrid", full_well=int(camera.full_well), size=camera.size)
     save(folder / "truth.yaml", description)
@@ -270,6 +332,7 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--tilt", type=float, default=0)
     parser.add_argument("--quarter", action="store_true")
+    parser.add_argument("--large", action="store_true")
     arguments = parser.parse_args()
     names = NAMES + (("t_x", "t_y") if arguments.tilt else ())
     squares = {name: [] for name in names}
@@ -278,7 +341,7 @@ def main():
         folder = arguments.out / f"{seed:02}"
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / "truth.yaml").exists():
-            write_set(folder, seed, arguments.tilt, arguments.quarter)
+            write_set(folder, seed, arguments.tilt, arguments.quarter, arguments.large)
         truth = load(folder / "truth.yaml")
         result = folder / "result/calibration.yaml"
         if not result.exists():
