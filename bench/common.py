@@ -135,5 +135,17 @@ def mean_square(values):
     return statistics.fmean(value * value for value in values)
 
 
+def errors_in_sigmas(camera, truth):
+    """Of a camera's parameters in calibration.yaml: (estimate - truth) / sigma of each, and chi-square over their number (its mean is 1)."""
+    import numpy as np
+    z = {key: (camera["parameters"][key] - truth["parameters"][key]) / sigma for key, sigma in camera["sigma"].items() if sigma}
+    kept = [i for i, sigma in enumerate(camera["sigma"].values()) if sigma]
+    correlation = np.zeros((len(camera["sigma"]),) * 2)
+    for i, row in enumerate(camera["correlation"]):
+        correlation[i, :i + 1] = correlation[:i + 1, i] = row
+    values = np.array(list(z.values()))
+    return z, values @ np.linalg.solve(correlation[np.ix_(kept, kept)], values) / len(values)
+
+
 def rms(values):
     return mean_square(values)**0.5

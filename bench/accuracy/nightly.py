@@ -63,11 +63,11 @@ SLICES = {
         rf"wrong \| {NUMBER}": (0, 0.01), rf"\| {NUMBER} \| [\d.]+ \|$": (0.3, 2.5)}, (), ()),
     "suggest": Slice(["--cameras", 1, "--jobs", 1], {rf"^all +[\d.]+ +[\d.]+ +{NUMBER}": (0, 10)}, ("build/release/bench/suggest_views",),
                      None),
-    "plenoptic_nees": Slice([folder("plenoptic_nees"), "--sets", 1], {rf"mean of all {NUMBER}": SQUARES}, ("cv2", "scipy"), ()),
+    "plenoptic_nees": Slice([folder("plenoptic_nees"), "--sets", 1], {rf"NEES / n {NUMBER}": SQUARES}, ("cv2", "numba", "scipy"), ()),
     "photometry": Slice([folder("photometry"), "--seeds", 0, "--views", 40, "--size", "320x256"],
                         {rf"\(error/sigma\)\^2 {NUMBER}": (0.2, 3)}, ("cv2",), ()),
     "sim_twin": Slice([pathlib.Path(os.environ.get("PLENOCAL_DATA", "")) / "sim_small", folder("sim_twin"), "--sampling-noise"],
-                      {rf"noise.* {NUMBER}$": (0.8, 1.25)}, ("cv2", "PLENOCAL_DATA"), ()),
+                      {rf"noise.* {NUMBER}$": (0.8, 1.25)}, ("cv2", "scipy", "PLENOCAL_DATA"), ()),
     "try_real_sets": Slice(["--only", "circles_visp"], {rf"\| {NUMBER} \([\d.]+\) \| [\d.]+ \(": (0, 0.35)}, ("PLENOCAL_DATA",)),
     "splined_mrcal": Slice([], {rf"held out.*RMS {NUMBER}": (0.4, 0.65)}, ("mrcal", "PLENOCAL_DATA")),
 }

@@ -8,7 +8,8 @@ Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens t
 12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
 sensor through thin micro lenses, the main lens' stop and its thin lens to the target: no line of it is a formula of
 models/start/plenoptic_model.h, which knows micro lenses as pinholes and no stop. A set that is there already is not rendered
-or calibrated again. Prints (estimate - truth) / sigma of all parameters and the means of their squares. --tilt: arrays tilted by
+or calibrated again. Prints (estimate - truth) / sigma of all parameters, the means of their squares, and NEES / n: chi-square of a
+set's n parameters together over n, with the interval in which 99 % of its means are (correlated errors scatter more). --tilt: arrays tilted by
 so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what `array_tilted` states. --quarter: two lens
 types, one lens in four of the second. --large: 2048 x 2048 px, f_L 16 mm, three types, with a stereo pair.
 Needs python3-numba, python3-numpy, python3-opencv, python3-scipy, python3-yaml.
@@ -19,6 +20,7 @@ import sys
 import cv2
 import numba
 import numpy as np
+from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
@@ -336,7 +338,8 @@ def main():
     arguments = parser.parse_args()
     names = NAMES + (("t_x", "t_y") if arguments.tilt else ())
     squares = {name: [] for name in names}
-    print("set  " + "".join(f"{name:>7}" for name in names) + "  camera")
+    chi_squares = []
+    print("set  " + "".join(f"{name:>7}" for name in names) + " NEES/n  camera")
     for seed in range(arguments.first, arguments.first + arguments.sets):
         folder = arguments.out / f"{seed:02}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -351,11 +354,11 @@ def main():
                 print(f"{seed:3}  not calibrated: {failure}", flush=True)
                 continue
         camera = load(result)["cameras"]["plenoptic"]
-        line = f"{seed:3}  "
+        z, chi_square = common.errors_in_sigmas(camera, truth)
+        chi_squares.append(chi_square)
         for name in names:
-            z = (camera["parameters"][name] - truth["parameters"][name]) / camera["sigma"][name]
-            squares[name].append(z * z)
-            line += f"{z:7.2f}"
+            squares[name].append(z[name]**2)
+        line = f"{seed:3}  " + "".join(f"{z[name]:7.2f}" for name in names) + f"{chi_square:7.2f}"
         p = truth["parameters"]
         print(line + f"  f_L {1e3 * p['f_L']:.1f} mm, pitch {truth['pitch']:.1f} px, {truth['types']} types, {truth['target']}"
               f"{', mosaic' if truth['mosaic'] else ''}{', Keplerian' if p['b_L0'] > p['f_L'] else ''}, {len(camera.get('lens_types', []))} types found", flush=True)
@@ -364,6 +367,9 @@ def main():
     print("mean " + "".join(f"{np.mean(squares[name]):7.2f}" for name in names))
     everything = np.concatenate([squares[name] for name in names])
     print(f"mean of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
+    n = len(everything)
+    low, high = chi2.ppf([0.005, 0.995], n) / n
+    print(f"NEES / n {np.mean(chi_squares):.2f}, 99 % interval {low:.2f} to {high:.2f}")
 
 
 if __name__ == "__main__":

@@ -3,11 +3,13 @@
 """Simulates the geometry of sim_small (docs/data.md), which another program has rendered, calibrates both sets and compares
 residuals and sigmas.
 
-    bench/sim_twin PLENOCAL $PLENOCAL_DATA/sim_small OUT [--sampling-noise]
+    bench/sim_twin PLENOCAL $PLENOCAL_DATA/sim_small OUT [--sampling-noise] [--seeds 20]
 
 The images of sim_small are means of random samples a pixel, blurred afterwards, which leaves noise at edges; Plenocal's
 renderer has none. With --sampling-noise the simulated images are made in the same way, and as dark as those of sim_small.
-Needs python3-numpy, python3-opencv, python3-yaml.
+With --seeds: so many twins with other noise; prints errors of each camera's parameters, NEES / n as
+plenoptic_nees has it, in place of the comparison.
+Needs python3-numpy, python3-opencv, python3-scipy, python3-yaml.
 """
 import pathlib
 import shutil
@@ -15,6 +17,7 @@ import sys
 
 import cv2
 import numpy as np
+from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
@@ -49,7 +52,7 @@ def lattice(path, camera):
     return float(pitch), float(np.arctan2(basis[0, 1], basis[0, 0])), [float(v) for v in origin]
 
 
-def specification(data, sampling_noise):
+def specification(data, sampling_noise, seed):
     """What SOURCE.md and truth/ of sim_small say, as a specification of `plenocal simulate`."""
     truth = load(data / "truth/calibration.yaml")["cameras"]
     cameras = {}
@@ -68,13 +71,13 @@ def specification(data, sampling_noise):
     focus = [1 / (1 - b_L0 / (b_L0 + B) * (1 - 1 / v)) for v in (2.5, 3.2, 4.4)]
     plenoptic["micro_lenses"] = {"pitch": pitch, "rotation": rotation, "offset": offset, "focus": focus, "aperture": 0.7,
                                  "fill": 0.91, "gain_sigma": 0.008, "dull": 3}
-    return {"seed": 11, "target": "target.yaml", "target_error": 0, "poses": {"file": "poses.csv"},
+    return {"seed": seed, "target": "target.yaml", "target_error": 0, "poses": {"file": "poses.csv"},
             "white_images": 10, "cameras": cameras}
 
 
-def add_sampling_noise(folder):
+def add_sampling_noise(folder, seed):
     """Sampling noise, blur, shot and read noise for sharp images without noise; white images have even samples."""
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(seed)
 
     def read(path):
         return cv2.imread(str(path), cv2.IMREAD_UNCHANGED) / 257
@@ -125,25 +128,20 @@ def print_edge_noise(folder, data):
         print(f"{low:5.2f} to {high:4.2f} {of.sum():11} {np.median(noise[of]) / 0.455:8.1f} {light[of].mean():12.1f} {sample[of].mean() / left:23.0f}")
 
 
-def main():
-    parser = common.parser(__doc__, "program")
-    parser.add_argument("sim_small", type=pathlib.Path)
-    parser.add_argument("out", type=pathlib.Path)
-    parser.add_argument("--sampling-noise", action="store_true")
-    arguments = parser.parse_args()
-    out, data = arguments.out, arguments.sim_small
-    out.mkdir(parents=True, exist_ok=True)
-    shutil.copy(data / "truth/target.yaml", out)
-    shutil.copy(data / "truth/poses.csv", out)
-    spec = specification(data, arguments.sampling_noise)
-    shutil.rmtree(out / "set", ignore_errors=True)
-    common.simulate(arguments.program, out, spec)
-    shutil.copy(data / "target.yaml", out / "set")  # where the tags really are is not for the calibration
-    if arguments.sampling_noise:
-        print_edge_noise(out / "set", data)
-        add_sampling_noise(out / "set")
-    twin, independent = (common.calibrate(arguments.program, session, out / name)["cameras"]
-                         for session, name in ((out / "set/session.yaml", "twin"), (data / "session.yaml", "sim_small")))
+def write_twin(program, data, folder, sampling_noise, seed, report):
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(data / "truth/target.yaml", folder)
+    shutil.copy(data / "truth/poses.csv", folder)
+    shutil.rmtree(folder / "set", ignore_errors=True)
+    common.simulate(program, folder, specification(data, sampling_noise, seed))
+    shutil.copy(data / "target.yaml", folder / "set")  # where the tags really are is not for the calibration
+    if sampling_noise:
+        if report:
+            print_edge_noise(folder / "set", data)
+        add_sampling_noise(folder / "set", seed)
+
+
+def compare_residuals(twin, independent):
     print(f"{'':24}{'simulate':>12}{'sim_small':>12}{'ratio':>8}")
     for name, camera in twin.items():
         other = independent[name]
@@ -152,6 +150,34 @@ def main():
         rows += [(f"sigma {key}", camera["sigma"][key], other["sigma"][key]) for key in camera["sigma"]]
         for key, a, b in rows:
             print(f"{name + ' ' + key:24}{a:12.4g}{b:12.4g}{a / b if b else float('nan'):8.2f}")
+
+
+def main():
+    parser = common.parser(__doc__, "program")
+    parser.add_argument("sim_small", type=pathlib.Path)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--sampling-noise", action="store_true")
+    parser.add_argument("--seeds", type=int, default=0)
+    arguments = parser.parse_args()
+    program, data, out = arguments.program, arguments.sim_small, arguments.out
+    if arguments.seeds == 0:
+        write_twin(program, data, out, arguments.sampling_noise, 11, report=True)
+        compare_residuals(*(common.calibrate(program, session, out / name)["cameras"]
+                            for session, name in ((out / "set/session.yaml", "twin"), (data / "session.yaml", "sim_small"))))
+        return
+    truth = load(data / "truth/calibration.yaml")["cameras"]
+    chi_squares = {name: [] for name in truth}
+    for seed in range(1, arguments.seeds + 1):
+        folder = out / f"{seed:02}"
+        write_twin(program, data, folder, arguments.sampling_noise, seed, report=False)
+        for name, camera in common.calibrate(program, folder / "set/session.yaml", folder / "twin")["cameras"].items():
+            z, chi_square = common.errors_in_sigmas(camera, truth[name])
+            chi_squares[name].append(chi_square * len(z))
+            print(f"{seed:3} {name:10} NEES / n {chi_square:5.2f} " + "".join(f" {key} {value:.2f}" for key, value in z.items()), flush=True)
+    for name, values in chi_squares.items():
+        n = len(values) * len(truth[name]["parameters"])
+        low, high = chi2.ppf([0.005, 0.995], n) / n
+        print(f"{name:10} NEES / n {sum(values) / n:.2f}, 99 % interval {low:.2f} to {high:.2f}")
 
 
 if __name__ == "__main__":

@@ -223,6 +223,7 @@ TagTemplate::Strip TagTemplate::Draw(const State& state, std::size_t from, std::
   }
   drawing_.Draw(state.G.cast<float>(),
                 static_cast<float>(state.blur / side_),
+                0,
                 strip.x,
                 strip.y,
                 &strip.drawn);

@@ -26,10 +26,10 @@ void CellTemplate::SetBeyond(float value) {
 }
 
 PLENOCAL_LANES void CellTemplate::Profile::Fill(const Lanes& at,
-                                                const Lanes& blur,
+                                                const Lanes& reach,
+                                                const StepBlur& blur,
                                                 int n,
                                                 const std::vector<float>& lines) {
-  const Lanes reach = kNormalReach * blur;
   // Boundary i is between cells i - 1 and i; the outermost cells have no end.
   const float last = static_cast<float>(n - 1);
   Lanes from = at - reach, to = at + reach;
@@ -53,7 +53,6 @@ PLENOCAL_LANES void CellTemplate::Profile::Fill(const Lanes& at,
   int most = 0;
   for (int l = 0; l < kLanes; ++l) most = std::max(most, boundaries[l]);
   first = low - 1;
-  const Lanes inverse = 1 / blur;
   Lanes boundary = __builtin_convertvector(low, Lanes);
   Lanes cumulative = Lanes{} + 1, density{}, bent{};
   for (int k = 0; k < most; ++k) {
@@ -61,13 +60,12 @@ PLENOCAL_LANES void CellTemplate::Profile::Fill(const Lanes& at,
     for (int l = 0; l < kLanes && !lines.empty(); ++l) {
       place[l] = lines[static_cast<size_t>(std::min(low[l] + k, n))];
     }
-    const Lanes z = (at - place) * inverse;
-    Lanes next, next_density;
-    Normal(z, &next, &next_density);
+    Lanes next, next_density, next_bent;
+    blur.At(at - place, &next, &next_density, &next_bent);
     const auto exists = boundary <= last;
     next = exists ? next : Lanes{};
     next_density = exists ? next_density : Lanes{};
-    const Lanes next_bent = -z * next_density;
+    next_bent = exists ? next_bent : Lanes{};
     cells[k] = {cumulative - next, density - next_density, bent - next_bent};
     cumulative = next;
     density = next_density;
@@ -89,9 +87,9 @@ PLENOCAL_LANES void CellTemplate::Profile::AddKnown(int n, Lanes* known) const {
 PLENOCAL_LANES void CellTemplate::AddProduct(const BlurredPlace& at,
                                              const Lanes& weight,
                                              Drawn* drawn) {
-  const auto& [u, v, blur_u, blur_v, r] = at;
-  across_.Fill(u, blur_u, n_, lines_);
-  down_.Fill(v, blur_v, n_, lines_);
+  const auto& [u, v, blur_u, blur_v, r, across, down] = at;
+  across_.Fill(u, kNormalReach * blur_u, across, n_, lines_);
+  down_.Fill(v, kNormalReach * blur_v, down, n_, lines_);
   const float* const cells = cells_.data();
   const IntLanes corner = down_.first * n_ + across_.first;
   Lanes ss{}, sb{}, bs{}, dd{}, bb{}, ds{}, sd{}, bd{}, db{};
@@ -127,8 +125,12 @@ PLENOCAL_LANES void CellTemplate::AddProduct(const BlurredPlace& at,
   drawn->by_beyond += weight * (1 - known_u * known_v);
 }
 
-PLENOCAL_FOR_EACH_PROCESSOR void CellTemplate::Draw(
-    const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) {
+PLENOCAL_FOR_EACH_PROCESSOR void CellTemplate::Draw(const Eigen::Matrix3f& G,
+                                                    float blur,
+                                                    float pixel,
+                                                    const Lanes& x,
+                                                    const Lanes& y,
+                                                    Drawn* drawn) {
   *drawn = {};
   drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;
   const Lanes inverse = 1 / drawn->scale;
@@ -151,8 +153,20 @@ PLENOCAL_FOR_EACH_PROCESSOR void CellTemplate::Draw(
   for (int l = 0; l < kLanes; ++l) most_common = std::max(most_common, common[l]);
   Lanes rest = 1 - common;
   Sqrt(&rest);
+  const Lanes rest_u = blur_u * rest, rest_v = blur_v * rest;
+  StepBlur across(rest_u), down(rest_v);
+  if (pixel > 0) {
+    Lanes split_u, split_v;
+    PixelSplit(u_x, u_y, pixel, &split_u);
+    PixelSplit(v_x, v_y, pixel, &split_v);
+    // Of a common part the pixel's share is not known by axis.
+    split_u = common == 0 ? length_u * split_u : Lanes{};
+    split_v = common == 0 ? length_v * split_v : Lanes{};
+    across = StepBlur(rest_u, split_u);
+    down = StepBlur(rest_v, split_v);
+  }
   if (most_common == 0) {
-    AddProduct({drawn->u, drawn->v, blur_u, blur_v, r}, Lanes{} + 1, drawn);
+    AddProduct({drawn->u, drawn->v, rest_u, rest_v, r, across, down}, Lanes{} + 1, drawn);
   } else {
     // The trapezoidal rule over the common part; with this step its error is below a thousandth.
     const Lanes step = 1.7f * rest;
@@ -172,7 +186,7 @@ PLENOCAL_FOR_EACH_PROCESSOR void CellTemplate::Draw(
       Lanes distribution, density;
       Normal(at, &distribution, &density);
       AddProduct(
-          {drawn->u + shift_u * at, drawn->v + shift_v * at, blur_u * rest, blur_v * rest, part},
+          {drawn->u + shift_u * at, drawn->v + shift_v * at, rest_u, rest_v, part, across, down},
           density / total,
           drawn);
     }

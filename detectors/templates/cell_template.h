@@ -11,7 +11,7 @@
 namespace plenocal::internal {
 
 /// A square drawing of n x n cells of one size, or between given lines, seen through a homography G
-/// and blurred by a Gaussian.
+/// and blurred by a Gaussian, or by one and the area of a pixel.
 ///
 /// The homography is taken as affine within the blur; there the drawing is a sum over its cells of
 /// products of steps along its two axes, where the axes are at right angles. Where they are not,
@@ -38,8 +38,14 @@ class CellTemplate {
   };
   /// The drawing at eight (x, y) with derivatives by its place (u, v) in cells, counted from the
   /// upper left corner, and by the blur. G maps (x, y, 1) to cells, G(2, 2) = 1; `blur` is in the
-  /// unit of x and y.
-  void Draw(const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn);
+  /// unit of x and y. `pixel`: side of the pixel whose area makes a part of the blur; 0: the blur
+  /// is a Gaussian.
+  void Draw(const Eigen::Matrix3f& G,
+            float blur,
+            float pixel,
+            const Lanes& x,
+            const Lanes& y,
+            Drawn* drawn);
 
   [[nodiscard]] int size() const { return n_; }
   /// -1 where the drawing is of one value all around (u, v), in cells, to a distance of `reach` in
@@ -69,12 +75,17 @@ class CellTemplate {
     IntLanes first{};
     int count = 0;
     std::vector<Cell> cells;
-    void Fill(const Lanes& at, const Lanes& blur, int n, const std::vector<float>& lines);
+    void Fill(const Lanes& at,
+              const Lanes& reach,
+              const StepBlur& blur,
+              int n,
+              const std::vector<float>& lines);
     void AddKnown(int n, Lanes* known) const;
   };
   /// A place and the blurs along the two axes, cells, which are correlated by a small `r`.
   struct BlurredPlace {
     Lanes u, v, blur_u, blur_v, r;
+    StepBlur across, down;
   };
   /// Adds `weight` times the drawing there.
   void AddProduct(const BlurredPlace& at, const Lanes& weight, Drawn* drawn);

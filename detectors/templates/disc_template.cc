@@ -5,8 +5,12 @@
 
 namespace plenocal::internal {
 
-PLENOCAL_FOR_EACH_PROCESSOR void DiscTemplate::Draw(
-    const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) const {
+PLENOCAL_FOR_EACH_PROCESSOR void DiscTemplate::Draw(const Eigen::Matrix3f& G,
+                                                    float blur,
+                                                    float pixel,
+                                                    const Lanes& x,
+                                                    const Lanes& y,
+                                                    Drawn* drawn) const {
   drawn->scale = G(2, 0) * x + G(2, 1) * y + 1;
   const Lanes inverse = 1 / drawn->scale;
   const Lanes u = (G(0, 0) * x + G(0, 1) * y + G(0, 2)) * inverse;
@@ -33,8 +37,14 @@ PLENOCAL_FOR_EACH_PROCESSOR void DiscTemplate::Draw(
       outward_u * (v_x * along_x + v_y * along_y) - outward_v * (u_x * along_x + u_y * along_y);
   const Lanes curvature = sideways * sideways / (radius_ * steepness);
   const Lanes inside = (radius_ - F) / steepness - 0.5f * blur * blur * curvature;
-  Lanes distribution, density;
-  Normal(inside / blur, &distribution, &density);
+  Lanes distribution, density, bend;
+  StepBlur edge(Lanes{} + blur);
+  if (pixel > 0) {
+    Lanes split;
+    PixelSplit(F_x, F_y, pixel, &split);
+    edge = StepBlur(Lanes{} + blur, split);
+  }
+  edge.At(inside, &distribution, &density, &bend);
   drawn->u = u;
   drawn->v = v;
   drawn->value = 2 * distribution - 1;
@@ -42,7 +52,7 @@ PLENOCAL_FOR_EACH_PROCESSOR void DiscTemplate::Draw(
   drawn->by_u = -by_inside / steepness * outward_u;
   drawn->by_v = -by_inside / steepness * outward_v;
   drawn->by_radius = by_inside / steepness;
-  drawn->by_blur = -by_inside * (inside / blur + blur * curvature);
+  drawn->by_blur = 2 / blur * bend - by_inside * blur * curvature;
 }
 
 }  // namespace plenocal::internal

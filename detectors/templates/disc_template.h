@@ -10,9 +10,9 @@
 namespace plenocal::internal {
 
 /// A disc around (0, 0) of a plane, 1 inside and -1 outside, seen through a homography and blurred
-/// by a Gaussian: across the edge the profile of a straight edge. A blur s moves the edge of a disc
-/// of radius R inward by s^2 / (2 R), for the heat equation moves level lines by their curvature;
-/// that is part of the drawing.
+/// as a `CellTemplate`: across the edge the profile of a straight edge. A blur s moves the edge of
+/// a disc of radius R inward by s^2 / (2 R), for the heat equation moves level lines by their
+/// curvature; that is part of the drawing.
 class DiscTemplate {
  public:
   explicit DiscTemplate(float radius) : radius_(radius) {}
@@ -24,9 +24,14 @@ class DiscTemplate {
     Lanes u{}, v{}, scale{};  ///< place in the plane, third homogeneous coordinate
   };
   /// The drawing at eight (x, y) with derivatives by its place (u, v) in the plane, by the blur and
-  /// by the radius. G maps (x, y, 1) to the plane, G(2, 2) = 1; `blur` is in the unit of x and y.
-  void Draw(
-      const Eigen::Matrix3f& G, float blur, const Lanes& x, const Lanes& y, Drawn* drawn) const;
+  /// by the radius. G maps (x, y, 1) to the plane, G(2, 2) = 1; `blur` and
+  /// `pixel` as those of a `CellTemplate`.
+  void Draw(const Eigen::Matrix3f& G,
+            float blur,
+            float pixel,
+            const Lanes& x,
+            const Lanes& y,
+            Drawn* drawn) const;
 
  private:
   float radius_;

@@ -83,4 +83,57 @@ PLENOCAL_LANES void Normal(const Lanes& z, Lanes* distribution, Lanes* density) 
   *density = near ? 0.39894228f * power : Lanes{};
 }
 
+/// Half the distance of the two Gaussians of a `StepBlur` that stands for a Gaussian and a square
+/// pixel, across an edge with the direction (x, y) of its normal: the fourth cumulants are equal,
+/// -2 split^4 and that of the square seen along the edge, -(x^4 + y^4) side^4 / 120.
+PLENOCAL_LANES void PixelSplit(const Lanes& x, const Lanes& y, float side, Lanes* split) {
+  constexpr float kSquare = 0.2540664f;  // (1 / 240)^(1 / 4)
+  const Lanes xx = x * x, yy = y * y, length = xx + yy;
+  Lanes fourth = xx * xx + yy * yy;
+  Sqrt(&fourth);
+  fourth = fourth / length;
+  Sqrt(&fourth);
+  *split = kSquare * side * fourth;
+}
+
+/// The blur of a step from 0 to 1, of standard deviation `blur`: a Gaussian, or the mean of two
+/// narrower ones, each `split` beside the middle.
+class StepBlur {
+ public:
+  PLENOCAL_LANES explicit StepBlur(const Lanes& blur) : inverse_(1 / blur) {}
+  PLENOCAL_LANES StepBlur(const Lanes& blur, const Lanes& split) : two_(true), split_(split) {
+    constexpr float kMost = 0.8f;  // of the variance
+    const Lanes variance = blur * blur;
+    Lanes apart = split * split;
+    const auto much = apart > kMost * variance;
+    apart = much ? kMost * variance : apart;
+    Lanes most = apart, rest = variance - apart;
+    Sqrt(&most);
+    Sqrt(&rest);
+    split_ = much ? most : split;
+    inverse_ = 1 / rest;
+    ratio_ = blur * inverse_;
+  }
+  /// At a distance from the step: its value, and its first two derivatives by distance / blur.
+  PLENOCAL_LANES void At(const Lanes& distance, Lanes* value, Lanes* slope, Lanes* bend) const {
+    if (!two_) {
+      const Lanes z = distance * inverse_;
+      Normal(z, value, slope);
+      *bend = -z * *slope;
+      return;
+    }
+    const Lanes left = (distance + split_) * inverse_, right = (distance - split_) * inverse_;
+    Lanes left_value, left_slope, right_value, right_slope;
+    Normal(left, &left_value, &left_slope);
+    Normal(right, &right_value, &right_slope);
+    *value = 0.5f * (left_value + right_value);
+    *slope = 0.5f * ratio_ * (left_slope + right_slope);
+    *bend = -0.5f * ratio_ * ratio_ * (left * left_slope + right * right_slope);
+  }
+
+ private:
+  bool two_ = false;
+  Lanes split_{}, inverse_{}, ratio_{};
+};
+
 }  // namespace plenocal::internal

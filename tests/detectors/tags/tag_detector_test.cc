@@ -433,7 +433,7 @@ TEST(TagDetector, GoesByTheSquaresThatTheImageShows) {
       x[0] = static_cast<float>(templates[0].margin) - 0.5f;
       y[0] = static_cast<float>(drawing.size() - templates[0].margin) + 0.5f;
       internal::CellTemplate::Drawn drawn;
-      drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, x, y, &drawn);
+      drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, 0, x, y, &drawn);
       EXPECT_NEAR(drawn.value[0], printed ? -1 : 1, 0.01) << side;
     }
   }

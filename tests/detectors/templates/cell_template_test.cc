@@ -37,13 +37,17 @@ double Sharp(const std::vector<float>& cells, const Eigen::Vector2f& place) {
   return cells[cell(place.y()) * kCells + cell(place.x())];
 }
 
-/// Their image blurred by a Gaussian, summed over a fine grid.
-double Blurred(
-    const std::vector<float>& cells, const Eigen::Matrix3f& G, double blur, double x, double y) {
-  constexpr double kStep = 0.025, kReach = 4.5;  // blurs
+/// Their image blurred by a Gaussian, summed over a grid of `step` blurs.
+double Blurred(const std::vector<float>& cells,
+               const Eigen::Matrix3f& G,
+               double blur,
+               double x,
+               double y,
+               double step = 0.025) {
+  constexpr double kReach = 4.5;  // blurs
   double sum = 0, weights = 0;
-  for (double a = -kReach; a <= kReach; a += kStep) {
-    for (double b = -kReach; b <= kReach; b += kStep) {
+  for (double a = -kReach; a <= kReach; a += step) {
+    for (double b = -kReach; b <= kReach; b += step) {
       const double weight = std::exp(-(a * a + b * b) / 2);
       const Eigen::Vector3f at(
           static_cast<float>(x + blur * a), static_cast<float>(y + blur * b), 1);
@@ -54,10 +58,27 @@ double Blurred(
   return sum / weights;
 }
 
-CellTemplate::Drawn Draw(
-    CellTemplate* drawing, const Eigen::Matrix3f& G, float blur, float x, float y) {
+/// The same in pixels of side 1, which have an area.
+double BlurredInPixels(
+    const std::vector<float>& cells, const Eigen::Matrix3f& G, double blur, double x, double y) {
+  constexpr int kParts = 8;  // of a pixel's side
+  double sum = 0;
+  for (int i = 0; i < kParts * kParts; ++i) {
+    const double right = (i % kParts + 0.5) / kParts - 0.5;
+    const double down = (i / kParts + 0.5) / kParts - 0.5;
+    sum += Blurred(cells, G, blur, x + right, y + down, 0.2);
+  }
+  return sum / (kParts * kParts);
+}
+
+CellTemplate::Drawn Draw(CellTemplate* drawing,
+                         const Eigen::Matrix3f& G,
+                         float blur,
+                         float x,
+                         float y,
+                         float pixel = 0) {
   CellTemplate::Drawn drawn;
-  drawing->Draw(G, blur, Lanes{} + x, Lanes{} + y, &drawn);
+  drawing->Draw(G, blur, pixel, Lanes{} + x, Lanes{} + y, &drawn);
   return drawn;
 }
 
@@ -79,6 +100,54 @@ TEST_P(CellDrawingTest, IsTheBlurredImageOfTheCells) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Shears, CellDrawingTest, ::testing::Values(0.f, 0.25f, 0.7f));
+
+TEST(CellTemplate, InSharpImagesThePixelsHaveAnArea) {
+  const std::vector<float> cells = Cells();
+  CellTemplate drawing(cells, kCells);
+  const float rest = 0.2f, blur = std::hypot(rest, std::sqrt(1 / 12.f));
+  // Along the pixels' rows, at an angle to them, and with axes not quite at right angles.
+  for (const float angle : {0.f, 0.4f, 0.8f}) {
+    Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();
+    turn.topLeftCorner<2, 2>() = Eigen::Rotation2Df(angle).toRotationMatrix();
+    const Eigen::Matrix3f G = Homography(0.02f) * turn;
+    double with = 0, without = 0;
+    for (float x = -5; x <= 5; x += 0.7f) {
+      for (const float y : {-3.2f, 0.4f, 3.1f}) {
+        const double truth = BlurredInPixels(cells, G, rest, x, y);
+        with = std::max(with, std::abs(Draw(&drawing, G, blur, x, y, 1).value[0] - truth));
+        without = std::max(without, std::abs(Draw(&drawing, G, blur, x, y).value[0] - truth));
+      }
+    }
+    EXPECT_LT(with, 0.03) << "of a contrast of 2, at " << angle;
+    // Diagonally a square is nearly bell-shaped.
+    EXPECT_LT(with, (angle < 0.6f ? 0.5 : 1) * without) << angle;
+  }
+}
+
+TEST(CellTemplate, DerivativesWithPixelsAreThoseOfTheValue) {
+  CellTemplate drawing(Cells(), kCells);
+  const float blur = 0.36f, h = 0.01f;
+  const Eigen::Matrix3f G = Homography(0.02f);
+  const auto value = [&](float u, float v, float b, float x) {
+    Eigen::Matrix3f moved = Eigen::Matrix3f::Identity();
+    moved(0, 2) = u;
+    moved(1, 2) = v;
+    const Eigen::Matrix3f there = moved * G;
+    return Draw(&drawing, there / there(2, 2), b, x, 0.4f, 1).value[0];
+  };
+  int checked = 0;
+  for (float x = -5; x <= 5; x += 0.2f) {
+    const auto drawn = Draw(&drawing, G, blur, x, 0.4f, 1);
+    const float by_u = (value(h, 0, blur, x) - value(-h, 0, blur, x)) / (2 * h);
+    const float by_v = (value(0, h, blur, x) - value(0, -h, blur, x)) / (2 * h);
+    const float by_blur = (value(0, 0, blur + h, x) - value(0, 0, blur - h, x)) / (2 * h);
+    EXPECT_NEAR(drawn.by_u[0], by_u, 0.05 + 0.03 * std::abs(by_u)) << x;
+    EXPECT_NEAR(drawn.by_v[0], by_v, 0.05 + 0.03 * std::abs(by_v)) << x;
+    EXPECT_NEAR(drawn.by_blur[0], by_blur, 0.05 + 0.03 * std::abs(by_blur)) << x;
+    checked += std::abs(by_u) > 0.3;
+  }
+  EXPECT_GE(checked, 4) << "places where anything changes";
+}
 
 TEST(CellTemplate, DerivativesAreThoseOfTheBlurredImage) {
   const std::vector<float> cells = Cells();

@@ -50,7 +50,7 @@ float Value(const MarkerTemplate& marker, const Eigen::Vector2d& cells) {
   x[0] = static_cast<float>(cells.x());
   y[0] = static_cast<float>(cells.y());
   CellTemplate::Drawn drawn;
-  drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, x, y, &drawn);
+  drawing.Draw(Eigen::Matrix3f::Identity(), 0.05f, 0, x, y, &drawn);
   return drawn.value[0];
 }
 
