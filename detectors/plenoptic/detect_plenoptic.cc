@@ -221,11 +221,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
     if (options.progress && !options.progress(i + 1)) throw Stopped();
   }
   if (most_markers > 0) detections->sample = detector->Sample(images[fullest], std::move(sample));
-  detections->views =
-      MarkerViews(frames,
-                  types,
-                  measured,
-                  options.tilted_array ? FurtherErrors::kAcrossArray : FurtherErrors::kNone);
+  detections->views = MarkerViews(frames, types, measured, options.tilted_array);
   detections->blur = internal::MeasureBlur(measured);
 }
 

@@ -18,33 +18,22 @@ constexpr double kPixelMean = kPixelArea + kPointSpread / 2;
 const double kPixelSigma = kPointSpread / std::sqrt(12.0);
 /// k, px^2: an aperture's covariance is about 1 where it blurs by a pixel.
 constexpr double kApertureSigma = 1;
-/// ln of the virtual depth by matching, common to all micro lenses and of one type: the size of
-/// errors that are left on simulated sets (docs/limitations.md).
-constexpr double kDepthSigma = 1e-3, kDepthOfTypeSigma = 5e-4;
 
 /// Displacement of a measurement by one standard deviation of k_pixel, of the two k of each lens
-/// type (at the nearest and at the farthest marker) and of further errors: of a tilted array the
-/// two changes of these across it (B changes there, and the depth in focus with it), or the
-/// factors of the virtual depth, one of the lens type and one of all. Rows x and y.
+/// type (at the nearest and at the farthest marker) and, of a tilted array, of the two changes of
+/// these across it: B changes there, and the depth in focus with it. Rows x and y.
 std::vector<double> ByNuisance(int types,
                                const MeasuredRange& range,
-                               FurtherErrors further,
+                               bool tilted,
                                const MarkerMeasurement& m) {
   using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
-  const int of_k = further == FurtherErrors::kAcrossArray ? 4 : 2;
-  const bool by_depth = further == FurtherErrors::kVirtualDepth;
-  const int of_type = of_k + (by_depth ? 1 : 0);
-  Rows by = Rows::Zero(2, 1 + of_type * types + (by_depth ? 1 : 0));
+  const int of_type = tilted ? 4 : 2;
+  Rows by = Rows::Zero(2, 1 + of_type * types);
   by.col(0) = kPixelSigma * m.vignetting_sensitivity.col(0);
   Eigen::RowVector4d k;
   k << range.DepthWeights(m.inverse_depth).transpose(), range.Place(m.Centre()).transpose();
-  auto own = by.middleCols(1 + of_type * m.lens_type, of_type);
-  own.leftCols(of_k) = kApertureSigma * m.vignetting_sensitivity.col(1) * k.head(of_k);
-  if (by_depth) {
-    const Eigen::Vector2d by_ln_depth = m.Centre() - m.Position();  // x = c + (q - c) / v
-    own.col(of_k) = kDepthOfTypeSigma * by_ln_depth;
-    by.rightCols<1>() = kDepthSigma * by_ln_depth;
-  }
+  by.middleCols(1 + of_type * m.lens_type, of_type) =
+      kApertureSigma * m.vignetting_sensitivity.col(1) * k.head(of_type);
   return {by.data(), by.data() + by.size()};
 }
 
@@ -65,14 +54,14 @@ Observation ObservationOf(const MarkerMeasurement& m) {
 std::vector<View> MarkerViews(const std::vector<std::string>& frames,
                               int lens_types,
                               const std::vector<RawMeasurements>& images,
-                              FurtherErrors further) {
+                              bool tilted) {
   const MeasuredRange range(images);
   std::vector<View> views;
   for (size_t i = 0; i < images.size(); ++i) {
     View view{.frame = frames[i], .observations = {}};
     for (const MarkerMeasurement& m : images[i]) {
       view.observations.push_back(ObservationOf(m));
-      view.by_nuisance.push_back(ByNuisance(lens_types, range, further, m));
+      view.by_nuisance.push_back(ByNuisance(lens_types, range, tilted, m));
     }
     if (!view.observations.empty()) views.push_back(std::move(view));
   }

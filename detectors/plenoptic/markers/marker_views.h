@@ -14,18 +14,11 @@
 
 namespace plenocal {
 
-/// Nuisance parameters besides k_pixel and k of each lens type.
-enum class FurtherErrors {
-  kNone,
-  kAcrossArray,   ///< of a tilted array: changes of k across it
-  kVirtualDepth,  ///< of a scene of unknown scale: factors of the virtual depth
-};
-
 /// The views of a camera from the measurements of all its raw images, parallel to `frames`. Images
-/// without measurements have no view.
+/// without measurements have no view. `tilted`: vignetting changes across the array, too.
 std::vector<View> MarkerViews(const std::vector<std::string>& frames,
                               int lens_types,
                               const std::vector<internal::RawMeasurements>& images,
-                              FurtherErrors further);
+                              bool tilted);
 
 }  // namespace plenocal

@@ -81,7 +81,7 @@ void PlenopticTracker::AddFrame(const std::string& name, const cv::Mat& raw) {
 }
 
 std::vector<View> PlenopticTracker::Views() const {
-  return MarkerViews(frames_, optics_.array.types, measured_, FurtherErrors::kVirtualDepth);
+  return MarkerViews(frames_, optics_.array.types, measured_, false);
 }
 
 cv::Mat FocusedImage(const cv::Mat& raw, const PlenopticCamera& optics, int threads) {

@@ -26,7 +26,7 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
       MarkerViews({"a", "b", "c"},
                   2,
                   {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}, {}, {Seen(2, 0.25, 0, 1)}},
-                  FurtherErrors::kAcrossArray);
+                  true);
   ASSERT_EQ(views.size(), 2U);
   EXPECT_EQ(views[1].frame, "c");
   const Observation& seen = views[0].observations[0];
@@ -53,7 +53,7 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
 
 TEST(MarkerViews, OfAParallelArrayHaveNoChangeAcrossIt) {
   const std::vector<View> views =
-      MarkerViews({"a"}, 2, {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}}, FurtherErrors::kNone);
+      MarkerViews({"a"}, 2, {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}}, false);
   const double of_pixel = 0.36 / std::sqrt(12.0);
   const std::vector<double> near{0.3 * of_pixel, 0, 0.1, 0, 0, -0.2 * of_pixel, 0, 0.5, 0, 0};
   const std::vector<double> far{0.3 * of_pixel, 0, 0, 0.1, 0, -0.2 * of_pixel, 0, 0, 0.5, 0};
@@ -62,22 +62,6 @@ TEST(MarkerViews, OfAParallelArrayHaveNoChangeAcrossIt) {
     EXPECT_NEAR(views[0].by_nuisance[0][k], near[k], 1e-12) << k;
     EXPECT_NEAR(views[0].by_nuisance[1][k], far[k], 1e-12) << k;
   }
-}
-
-TEST(MarkerViews, OfAScaleThatDependsOnDepthsHaveFactorsOfTheDepth) {
-  const std::vector<View> views = MarkerViews(
-      {"a"}, 2, {{Seen(1, 0.5, 0, 0), Seen(1, 0.25, 1, -1)}}, FurtherErrors::kVirtualDepth);
-  // Per coordinate: k_pixel, of each type far and near k and its factor, the factor of all.
-  ASSERT_EQ(views[0].by_nuisance[0].size(), 16U);
-  // The centre of the first is 1 px to its right and 1 px above it, of the second 49 px to its
-  // left.
-  EXPECT_NEAR(views[0].by_nuisance[0][3], 5e-4, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[0][6], 0, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[0][7], 1e-3, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[0][15], -1e-3, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[1][3], 0, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[1][6], -49 * 5e-4, 1e-12);
-  EXPECT_NEAR(views[0].by_nuisance[1][7], -49e-3, 1e-12);
 }
 
 }  // namespace TEST_FILE
