@@ -35,6 +35,8 @@ FocusedImageDetector::FocusedImageDetector(const Target& target)
 MarkerDetections FocusedImageDetector::Detect(const cv::Mat& focused) const {
   const cv::Mat grey = Grey(focused);
   MarkerDetections found = detector_->Detect(grey);
+  constexpr std::size_t kFew = 4;  // a quarter of the target: its tags may be too blurred
+  if (kFew * found.markers.size() > target_.markers.size()) return found;
   MarkerDetections sharper = detector_->Detect(Sharpened(grey));
   return sharper.markers.size() > found.markers.size() ? std::move(sharper) : std::move(found);
 }

@@ -19,8 +19,8 @@ class FocusedImageDetector {
  public:
   explicit FocusedImageDetector(const Target& target);
 
-  /// `focused`: CV_32F; positions in its pixels. Those in the image or, where these are more, in
-  /// the sharpened image.
+  /// `focused`: CV_32F; positions in its pixels. Those in the image or, where these are few, in
+  /// the sharpened image if that has more.
   [[nodiscard]] MarkerDetections Detect(const cv::Mat& focused) const;
   /// Templates of markers that were found in it.
   [[nodiscard]] std::vector<MarkerTemplate> Templates(const cv::Mat& focused,
