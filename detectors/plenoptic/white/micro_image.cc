@@ -84,6 +84,7 @@ class LaneModel {
       : gain_(static_cast<float>(image.gain)),
         scale_(static_cast<float>(image.scale)),
         gradient_(image.gradient.cast<float>()),
+        map_(image.map.cast<float>()),
         last_(static_cast<float>(profile.Cells().size() - 1)),
         radius_(static_cast<float>(profile.Radius()) * scale_) {
     cells_.reserve(profile.Cells().size());
@@ -97,7 +98,12 @@ class LaneModel {
   PLENOCAL_LANES Values At(const Lanes& x, const Lanes& y) const {
     constexpr auto kStep = static_cast<float>(kKnotStep);
     Values out;
-    out.r = x * x + y * y;
+    const Lanes xx = x * x, xy = x * y, yy = y * y;
+    const Lanes u =
+        map_(0, 0) * x + map_(0, 1) * y + map_(0, 2) * xx + map_(0, 3) * xy + map_(0, 4) * yy;
+    const Lanes v =
+        map_(1, 0) * x + map_(1, 1) * y + map_(1, 2) * xx + map_(1, 3) * xy + map_(1, 4) * yy;
+    out.r = u * u + v * v;
     Sqrt(&out.r);
     const Lanes at = out.r / (scale_ * kStep), bounded = at < last_ ? at : Lanes{} + last_;
     const IntLanes index = __builtin_convertvector(bounded, IntLanes);
@@ -123,6 +129,7 @@ class LaneModel {
  private:
   float gain_, scale_;
   Eigen::Vector2f gradient_;
+  Eigen::Matrix<float, 2, 5> map_;
   float last_, radius_;
   std::vector<Eigen::Vector4f> cells_;  // see RadialProfile::Cells
 };
@@ -213,16 +220,6 @@ RadialProfile::Value RadialProfile::At(double r) const {
   const Eigen::Vector4d& c = cells_[cell];
   return {.value = c[0] + t * (c[1] + t * (c[2] + t * c[3])),
           .slope = (c[1] + t * (2 * c[2] + t * 3 * c[3])) / kKnotStep};
-}
-
-double RadialProfile::SquareRadiusOfEdge(double most) const {
-  double weights = 0, sum = 0;
-  for (double r = 0; r <= std::min(most, radius_); r += kSampleStep) {
-    const double slope = At(r).slope, weight = slope * slope * r;  // the pixels of a ring
-    weights += weight;
-    sum += weight * r * r;
-  }
-  return weights > 0 ? sum / weights : 0;
 }
 
 double RadialProfile::Normalise() {

@@ -3,11 +3,12 @@
 // Model of one micro image of a uniform field: a radial profile P, common to all micro lenses of a
 // type, times a brightness that changes linearly over the micro image:
 //
-//   I(x) = P(|x - c| / s) (g + h . (x - c))
+//   I(x) = P(|u| / s) (g + h . (x - c))
 //
-// c, g, h and the size s, which lens distortion changes, belong to the micro image. The gradient h
-// displaces a centroid, but not this fit. Micro images overlap at their edges, where their light
-// adds up; so a fit uses the pixels less the light of all other micro images.
+// with u = x - c without lens distortion, of which it contains the first two orders about c. c, g,
+// h and the size s belong to the micro image. The gradient h displaces a centroid, but not this
+// fit. Micro images overlap at their edges, where their light adds up; so a fit uses the pixels
+// less the light of all other micro images.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,8 +29,6 @@ class RadialProfile {
   };
   [[nodiscard]] Value At(double r) const;
   [[nodiscard]] double Radius() const { return radius_; }
-  /// Mean square of r where the profile changes (weights slope^2), up to `most`: of the edge, px^2.
-  [[nodiscard]] double SquareRadiusOfEdge(double most) const;
   /// Of each cell between knots, which are half a pixel apart, the coefficients of the cubic:
   /// powers 0 .. 3 of the distance from the cell's first knot, in cells.
   [[nodiscard]] const std::vector<Eigen::Vector4d>& Cells() const { return cells_; }
@@ -42,14 +41,19 @@ class RadialProfile {
   std::vector<Eigen::Vector4d> cells_;
 };
 
+/// Distortion about a micro-image centre: an offset u, px of the image's middle, by x - c, px. The
+/// columns belong to x, y, x^2, x y, y^2.
+using LocalMap = Eigen::Matrix<double, 2, 5>;
+
 /// One micro image, measured.
 struct MicroImage {
-  Eigen::Vector2d centre{0, 0};    ///< px
-  double gain = 0;                 ///< grey values: brightness at the centre where P = 1
-  Eigen::Vector2d gradient{0, 0};  ///< grey values per px
-  double scale = 1;                ///< size relative to the others of its type
-  double residual = 0;             ///< root mean square of the fit's residuals, grey values
-  double centre_sigma = 0;         ///< px, for noise of one grey value; 0 when the fit failed
+  Eigen::Vector2d centre{0, 0};         ///< px
+  double gain = 0;                      ///< grey values: brightness at the centre where P = 1
+  Eigen::Vector2d gradient{0, 0};       ///< grey values per px
+  double scale = 1;                     ///< size relative to the others of its type
+  LocalMap map = LocalMap::Identity();  ///< is not measured
+  double residual = 0;                  ///< root mean square of the fit's residuals, grey values
+  double centre_sigma = 0;              ///< px, for noise of one grey value; 0 when the fit failed
 };
 
 /// A white image and the modelled light of all micro images in it (both CV_32F).
@@ -60,7 +64,12 @@ struct ModelledImage {
 /// Adds the light of a micro image to `light` (CV_32F).
 void AddLight(const RadialProfile& profile, const MicroImage& image, cv::Mat* light);
 
-/// Part of a micro image in a pixel: P_type(r) brightness, r = |x - c| / s.
+/// u of an offset d = x - c, px.
+inline Eigen::Vector2d Undistorted(const LocalMap& map, const Eigen::Vector2d& d) {
+  return map * Eigen::Vector<double, 5>(d.x(), d.y(), d.x() * d.x(), d.x() * d.y(), d.y() * d.y());
+}
+
+/// Part of a micro image in a pixel: P_type(r) brightness, r = |u| / s.
 struct Contribution {
   int type = 0;
   double r = 0;           ///< px

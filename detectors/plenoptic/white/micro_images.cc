@@ -102,7 +102,9 @@ Spread RobustSpread(const std::vector<double>& values) {
   return spread;
 }
 
-void MicroImages::Place(std::vector<LatticeNode> nodes, const std::vector<Vector2d>& centres) {
+void MicroImages::Place(std::vector<LatticeNode> nodes,
+                        const std::vector<Vector2d>& centres,
+                        const std::vector<LocalMap>& maps) {
   std::map<LatticeNode, MicroImage> known;
   for (size_t i = 0; i < nodes_.size(); ++i) known[nodes_[i]] = images_[i];
   nodes_ = std::move(nodes);
@@ -117,6 +119,7 @@ void MicroImages::Place(std::vector<LatticeNode> nodes, const std::vector<Vector
     const auto found = known.find(nodes_[i]);
     if (found != known.end() && found->second.centre_sigma > 0) images_[i] = found->second;
     images_[i].centre = centres[i];
+    images_[i].map = maps[i];
     if (images_[i].centre_sigma == 0) images_[i].gain = BrightnessNear(centres[i]);
   }
 }
@@ -155,12 +158,6 @@ bool MicroImages::IsWhole(size_t i) const {
   const Vector2d& c = positions_[i];
   return std::min(c.x(), c.y()) >= pitch_ / 2 && c.x() <= scene_.white.cols - 1 - pitch_ / 2 &&
          c.y() <= scene_.white.rows - 1 - pitch_ / 2;
-}
-
-double MicroImages::SquareRadius() const {
-  double sum = 0;
-  for (const RadialProfile& profile : profiles_) sum += profile.SquareRadiusOfEdge(pitch_ / 2);
-  return sum / static_cast<double>(profiles_.size());
 }
 
 double MicroImages::Misfit() const { return Median(misfits_); }
@@ -264,7 +261,8 @@ void MicroImages::AddCell(const std::vector<size_t>& shared, ProfileFit* fit) co
   const double reach = kCellReach * pitch_, radius = kProfileRadius * pitch_;
   const cv::Mat& white = scene_.white;
   const auto square_of = [&](size_t i, const Vector2d& pixel) {
-    return (pixel - images_[i].centre).squaredNorm() / (images_[i].scale * images_[i].scale);
+    const MicroImage& image = images_[i];
+    return Undistorted(image.map, pixel - image.centre).squaredNorm() / (image.scale * image.scale);
   };
   std::array<Contribution, kMostShared> parts;
   for (int y = std::max(0, static_cast<int>(std::ceil(own.centre.y() - reach)));

@@ -30,9 +30,11 @@ class MicroImages {
         pitch_(basis.colwise().norm().mean()),
         threads_(threads) {}
 
-  /// Sets the nodes and their centres; the earlier measurement at a node is kept as its initial
-  /// guess.
-  void Place(std::vector<LatticeNode> nodes, const std::vector<Eigen::Vector2d>& centres);
+  /// Sets the nodes, their centres and maps; the earlier measurement at a node is kept as its
+  /// initial guess.
+  void Place(std::vector<LatticeNode> nodes,
+             const std::vector<Eigen::Vector2d>& centres,
+             const std::vector<LocalMap>& maps);
   /// Fits the profile of each type to the micro images as placed, then each micro image by its
   /// profile, and decides which are usable.
   void Measure(const std::vector<int>& types, int type_count);
@@ -62,8 +64,6 @@ class MicroImages {
   [[nodiscard]] bool IsUsable(size_t i) const { return usable_[i]; }
   /// True when all pixels of the profile fit lie in the image.
   [[nodiscard]] bool IsWhole(size_t i) const;
-  /// Mean over the lens types of the square radius of a micro image's edge, px^2.
-  [[nodiscard]] double SquareRadius() const;
   /// Median of residual / brightness.
   [[nodiscard]] double Misfit() const;
   /// Of the brightness relative to the neighbours.

@@ -110,23 +110,25 @@ SmoothLattice FirstLattice(const cv::Mat& flat,
   return SmoothLattice::Fit(*measurements);
 }
 
-/// How far a micro image is measured from the image of its centre. Distortion D, which the lattice
-/// shows, bends the circle: a point of it in the direction n is displaced by the
-/// second derivatives of D, n . D''(n, n) radius^2 / 2 across the edge, and the displaced circle
-/// that fits best lies at twice the mean of this times n,
-///   radius^2 / 8 (Laplacian D_i + 2 d_i div D).
-Vector2d DisplacementByBending(const SmoothLattice& lattice,
-                               const Matrix2d& basis,
-                               const LatticeNode& node,
-                               double square_radius) {
-  const Matrix2d to_nodes = basis.inverse();
-  std::array<Matrix2d, 2> second = lattice.SecondDerivatives(node.column, node.row);
-  for (Matrix2d& of_coordinate : second) {
-    of_coordinate = to_nodes.transpose() * of_coordinate * to_nodes;
+/// Distortion about each node, which the lattice shows, against that in the middle: with the offset
+/// w in nodes, x - c = J w + w' S w / 2, so that u = B w = B J^-1 (x - c - w' S w / 2), B of the
+/// middle.
+std::vector<internal::LocalMap> LocalMaps(const SmoothLattice& lattice,
+                                          const Matrix2d& in_middle,
+                                          const std::vector<LatticeNode>& nodes) {
+  std::vector<internal::LocalMap> maps;
+  maps.reserve(nodes.size());
+  for (const LatticeNode& node : nodes) {
+    const Matrix2d to_nodes = lattice.Basis(node.column, node.row).inverse();
+    internal::LocalMap map = internal::LocalMap::Identity();
+    const std::array<Matrix2d, 2> second = lattice.SecondDerivatives(node.column, node.row);
+    for (int i = 0; i < 2; ++i) {
+      const Matrix2d half = to_nodes.transpose() * second[static_cast<size_t>(i)] * to_nodes / 2;
+      map.row(i).tail<3>() << -half(0, 0), -2 * half(0, 1), -half(1, 1);
+    }
+    maps.push_back(in_middle * to_nodes * map);
   }
-  const Vector2d laplacian(second[0].trace(), second[1].trace());
-  const Vector2d of_divergence = (second[0].row(0) + second[1].row(1)).transpose();
-  return square_radius / 8 * (laplacian + 2 * of_divergence);
+  return maps;
 }
 
 std::vector<int> LensTypes(const MicroImages& images, const MicroImages::Types& types) {
@@ -134,6 +136,12 @@ std::vector<int> LensTypes(const MicroImages& images, const MicroImages::Types& 
   of_images.reserve(images.Nodes().size());
   for (const LatticeNode& node : images.Nodes()) of_images.push_back(types.Of(node));
   return of_images;
+}
+
+/// The lattice's basis in the middle of an image.
+Matrix2d BasisInMiddle(const SmoothLattice& lattice, ImageSize size) {
+  const Vector2d middle = lattice.Coordinates({(size[0] - 1) / 2.0, (size[1] - 1) / 2.0});
+  return lattice.Basis(middle.x(), middle.y());
 }
 
 /// Sets what the lattice determines.
@@ -147,8 +155,7 @@ void SetLattice(const SmoothLattice& lattice,
   for (const LatticeMeasurement& m : measurements) sigmas.push_back(m.sigma);
   grid->centre_sigma = lattice.Sigma() * Median(std::move(sigmas));
   grid->array.image_size = size;
-  const Vector2d middle = lattice.Coordinates({(size[0] - 1) / 2.0, (size[1] - 1) / 2.0});
-  const Matrix2d there = lattice.Basis(middle.x(), middle.y());
+  const Matrix2d there = BasisInMiddle(lattice, size);
   grid->array.e_column = there.col(0);
   grid->array.e_row = there.col(1);
 }
@@ -201,31 +208,26 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
 
   MicroImages images(white, *basis, threads);
   MicroImages::Types types;
+  const auto place = [&] {
+    const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
+    std::vector<Vector2d> centres = Positions(lattice, inside);
+    images.Place(inside, centres, LocalMaps(lattice, BasisInMiddle(lattice, size), inside));
+    return centres;
+  };
   for (int turn = 0; turn < kTurns; ++turn) {
-    std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
-    const std::vector<Vector2d> centres = Positions(lattice, inside);
-    images.Place(std::move(inside), centres);
+    place();
     images.Measure(LensTypes(images, types), types.Count());
     // A profile per type once one common profile has found the positions.
     if (turn == 1) types = images.FindTypes();
     measurements = images.Measurements();
     lattice = SmoothLattice::Fit(measurements);
   }
-  const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
-  const std::vector<Vector2d> centres = Positions(lattice, inside);
-  images.Place(inside, centres);
+  const std::vector<Vector2d> centres = place();
   const std::vector<int> lens_types = LensTypes(images, types);
   images.Measure(lens_types, types.Count());
   MicroLensGrid grid = MakeGrid(images, centres, lens_types);
   grid.array.types = types.Count();
   SetLattice(lattice, measurements, size, &grid);
-  Matrix2d in_middle;
-  in_middle << grid.array.e_column, grid.array.e_row;
-  const double square_radius = images.SquareRadius();
-  for (MicroLens& lens : grid.array.lenses) {
-    lens.centre -=
-        DisplacementByBending(lattice, in_middle, {lens.column, lens.row}, square_radius);
-  }
   return grid;
 }
 
@@ -242,7 +244,9 @@ MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, i
   Matrix2d basis;
   basis << array.e_column, array.e_row;
   MicroImages images(white, basis, threads);
-  images.Place(nodes, centres);
+  images.Place(nodes,
+               centres,
+               std::vector<internal::LocalMap>(nodes.size(), internal::LocalMap::Identity()));
   images.Measure(types, array.types);
   MicroLensGrid grid = MakeGrid(images, centres, types);
   grid.centre_sigma = grid.centre_rms;
