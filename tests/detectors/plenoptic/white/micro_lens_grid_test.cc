@@ -145,6 +145,8 @@ INSTANTIATE_TEST_SUITE_P(
         WhiteField{.pitch = 22, .types = 4, .lattice = LatticeKind::kRectangular},
         // Bent micro images: 0.01 px RMS, were it not allowed for.
         WhiteField{.size = {480, 480}, .pitch = 24, .types = 1, .distortion = 0.015},
+        // The same, where distortion makes overlapping neighbours elliptic.
+        WhiteField{.size = {720, 720}, .pitch = 37, .types = 1, .distortion = -0.012, .fill = 1.04},
         // As on a chessboard, rows of two types, and types every fourth row.
         WhiteField{.pattern = LensPattern{.columns = 2, .rows = 1, .shift = 1},
                    .lattice = LatticeKind::kRectangular},

@@ -30,6 +30,7 @@ struct WhiteField {
   std::optional<LensPattern> pattern = {};
   std::vector<int> type_of_set = {};  // empty: each its own
   double distortion = 0;  // displacement at the corner over the distance from the middle
+  double fill = 1;        // size of the micro images; from 1.1 on they overlap
   double level = 3000;    // electrons where nothing is lost
   int images = 10;
   double tilt = 0;  // relative change of brightness within a micro image, per px
@@ -112,7 +113,7 @@ inline RenderedField Render(const WhiteField& field) {
       const int type = field.Type(node);
       const double gain =
           field.dead.contains({column, row}) ? 0.05 : 1 + field.gain_scatter * normal(random);
-      const double radius = radii[type] * field.pitch;
+      const double radius = radii[type] * field.pitch * field.fill;
       const double blur = std::hypot(0.5, blurs[type] * field.pitch);
       for (int y = std::max(0.0, std::ceil(c.y() - margin)); y <= std::min(h - 1, c.y() + margin);
            ++y) {
