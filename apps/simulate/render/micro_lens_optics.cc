@@ -51,7 +51,7 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
       const Eigen::Vector2d regular = origin_ + basis_ * Eigen::Vector2d(column, row);
       // Distortion does not move a centre from here onto the sensor.
       if (!IsInside(regular, camera.image_size, 0.2 * size.maxCoeff())) continue;
-      const auto centre = FromSlope(slope_by_px_ * (regular - principal_));
+      const auto centre = CentreOf(regular);
       if (!centre || !IsInside(*centre, camera.image_size, spec.pitch)) continue;
       const int type = LensType(spec, {column, row});
       index_(column + most_, row + most_) = static_cast<int>(lenses_.size());
@@ -124,6 +124,13 @@ std::optional<Eigen::Vector2d> MicroLensOptics::FromSlope(const Eigen::Vector2d&
   return InvertMap(map, slope, start, 1e-11 * (1 + start.norm()));
 }
 
+std::optional<Eigen::Vector2d> MicroLensOptics::CentreOf(const Eigen::Vector2d& regular) const {
+  if (!camera_.micro_lenses->regular_in_raw) {
+    return FromSlope(slope_by_px_ * (regular - principal_));
+  }
+  return Slope(regular) ? std::optional(regular) : std::nullopt;
+}
+
 MicroLensArray MicroLensOptics::Array() const {
   MicroLensArray array;
   array.image_size = camera_.image_size;
@@ -166,7 +173,8 @@ std::vector<Observation> MicroLensOptics::Observe(int marker, const Eigen::Vecto
   std::vector<Observation> seen;
   const auto slope = Slope(*q);
   if (!slope) return {};
-  const Eigen::Vector2d node = basis_.inverse() * (principal_ + px_by_slope_ * *slope - origin_);
+  const Eigen::Vector2d regular = spec.regular_in_raw ? *q : principal_ + px_by_slope_ * *slope;
+  const Eigen::Vector2d node = basis_.inverse() * (regular - origin_);
   const double least = basis_.colwise().norm().minCoeff();
   const int steps = static_cast<int>(reach / (least * std::cos(std::numbers::pi / 6))) + 1;
   const int middle_row = static_cast<int>(std::lround(node.y()));

@@ -50,12 +50,14 @@ class MicroLensOptics {
   /// Inverse of `Slope`.
   [[nodiscard]] std::optional<Eigen::Vector2d> FromSlope(const Eigen::Vector2d& slope) const;
   void FindPrincipalPoint();
+  /// Centre of the micro image at a place of the regular lattice, px.
+  [[nodiscard]] std::optional<Eigen::Vector2d> CentreOf(const Eigen::Vector2d& regular) const;
 
   const CameraSpec& camera_;
   Eigen::Vector2d principal_{0, 0};            // px, where the ray is parallel to the axis
   Eigen::Matrix2d px_by_slope_, slope_by_px_;  // at the principal point
   Eigen::Vector3d pupil_{0, 0, 0};
-  Eigen::Matrix2d basis_;  // px, lattice vectors e_column, e_row without distortion
+  Eigen::Matrix2d basis_;  // px, lattice vectors e_column, e_row of the regular lattice
   Eigen::Vector2d origin_{0, 0};
   std::vector<MicroLens> lenses_;
   Eigen::ArrayXXi index_;  // of lenses_ by column + most_ and row + most_; -1: none

@@ -276,7 +276,7 @@ class PlenopticRenderer : public Renderer {
                  (b.centre.cast<double>() - middle).norm();
         });
     const auto edge = static_cast<float>(spec.fill * spec.pitch / 2);
-    stop_ = edge * central->by_x.head<2>().norm();
+    stop_ = spec.regular_in_raw ? edge : edge * central->by_x.head<2>().norm();
     // How far from the centre light can fall: a ray on the edge of the micro lens meets the stop
     // 1 / T_f of its position farther out.
     const float pixel = 1.5f * (0.5f + 2.5f * static_cast<float>(camera_.sensor.blur));
@@ -344,7 +344,9 @@ class PlenopticRenderer : public Renderer {
   void AimRays(
       const Lens& lens, float dx, float dy, const SampleRange& range, RayBundle* rays) const {
     const auto& [samples, first, count] = range;
+    const bool raw = camera_.micro_lenses->regular_in_raw;
     std::array<std::array<float, RayBundle::kMost>, 4> found;
+    std::array<float, RayBundle::kMost> from_middle;  // of the stop, squared
     for (size_t k = 0; k < count; ++k) {
       const float a = radius_ * samples.a[first + k], b = radius_ * samples.b[first + k];
       const float x = dx + samples.x[first + k] + lens.shift * a;
@@ -354,11 +356,13 @@ class PlenopticRenderer : public Renderer {
             lens.ray[i] + x * (lens.by_x[i] + x * lens.by_xx[i] + y * lens.by_xy[i]) +
             y * (lens.by_y[i] + y * lens.by_yy[i]) + a * lens.by_cx[i] + b * lens.by_cy[i];
       }
+      const float at_x = raw ? x - a : found[0][k], at_y = raw ? y - b : found[1][k];
+      from_middle[k] = at_x * at_x + at_y * at_y;
     }
     rays->count = 0;
     rays->z = pupil_.z();
     for (size_t k = 0; k < count; ++k) {
-      if (found[0][k] * found[0][k] + found[1][k] * found[1][k] >= stop_ * stop_) continue;
+      if (from_middle[k] >= stop_ * stop_) continue;
       const auto at = static_cast<size_t>(rays->count++);
       rays->x[at] = pupil_.x() + found[0][k];
       rays->y[at] = pupil_.y() + found[1][k];
@@ -435,7 +439,7 @@ class PlenopticRenderer : public Renderer {
   SampleSets coarse_, fine_;
   std::vector<Lens> lenses_;
   float radius_ = 0;  // px, of a micro lens
-  float stop_ = 0;    // m, radius of the entrance pupil
+  float stop_ = 0;    // radius of the entrance pupil, m; of its shadow, px, where that is round
   cv::Mat white_;
 };
 

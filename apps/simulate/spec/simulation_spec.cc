@@ -101,15 +101,17 @@ MicroLensSpec ReadMicroLenses(const YamlNode& node) {
             {"fill", &lenses.fill, 0.1, 1.5},
             {"gain_sigma", &lenses.gain_sigma, 0, 0.2},
             {"dull", &lenses.dull, 0, 1000}},
-           {"lattice", "offset", "focus", "pattern"});
-  if (node.Has("lattice")) {
-    const YamlNode lattice = node.At("lattice");
-    const std::string name = lattice.AsString();
-    if (name != "hexagonal" && name != "rectangular") {
-      lattice.Fail(fmt::format("expected hexagonal or rectangular, found '{}'", name));
+           {"lattice", "offset", "focus", "pattern", "regular_in"});
+  // Whether a key has the second of two values.
+  const auto is_second = [&](const char* key, std::string_view first, std::string_view second) {
+    const std::string name = node.Has(key) ? node.At(key).AsString() : std::string(first);
+    if (name != first && name != second) {
+      node.At(key).Fail(fmt::format("expected {} or {}, found '{}'", first, second, name));
     }
-    if (name == "rectangular") lenses.lattice = LatticeKind::kRectangular;
-  }
+    return name == second;
+  };
+  if (is_second("lattice", "hexagonal", "rectangular")) lenses.lattice = LatticeKind::kRectangular;
+  lenses.regular_in_raw = is_second("regular_in", "undistorted", "raw");
   lenses.pitch = node.At("pitch").AsPositive();
   lenses.row_pitch = row_pitch.value_or(lenses.pitch);
   if (row_pitch && lenses.lattice == LatticeKind::kHexagonal) {

@@ -29,6 +29,9 @@ struct MicroLensSpec {
   double row_pitch = 0;          ///< px, distance of the rows of a rectangular lattice
   double rotation = 0;           ///< rad, of the lattice's rows about the x axis
   Eigen::Vector2d offset{0, 0};  ///< px, of a centre from the principal point
+  /// Centres are a lattice, and the shadow of the stop is round, in the raw image, as behind a real
+  /// lens; else without distortion.
+  bool regular_in_raw = false;
   /// Virtual depth (docs/plenoptic.md) at which each lens type is in focus, at most four.
   std::vector<double> focus = {};
   /// Lens types by (row, column) of the lattice, repeated in both directions.

@@ -143,17 +143,25 @@ TEST(SimulatedImages, MicroImagesOfThePupilAreCentredOnTheMicroLenses) {
                     .micro_lenses = {}};
   camera.sensor.blur = 0.3;
   camera.micro_lenses = {.pitch = 20, .focus = {3}, .fill = 0.8};
-  const MicroLensOptics optics(camera);
-  const auto renderer = MakePlenopticRenderer(camera, optics, 1, 1);
-  const cv::Mat& white = renderer->White();
-  int inside = 0;
-  for (const MicroLens& lens : optics.Lenses()) {
-    if (lens.centre.minCoeff() < 12 || lens.centre.maxCoeff() > 227) continue;
-    ++inside;
-    const cv::Mat paper(white.size(), CV_32F, cv::Scalar(1));
-    EXPECT_LT((DarkCentroid(paper - white, paper, lens.centre, 10) - lens.centre).norm(), 0.06);
+  for (const bool raw : {false, true}) {
+    camera.micro_lenses->regular_in_raw = raw;
+    const MicroLensOptics optics(camera);
+    const auto renderer = MakePlenopticRenderer(camera, optics, 1, 1);
+    const cv::Mat& white = renderer->White();
+    const Eigen::Vector2d first = optics.Lenses().front().centre;
+    double off_lattice = 0;
+    int inside = 0;
+    for (const MicroLens& lens : optics.Lenses()) {
+      const double rows = (lens.centre - first).y() / (20 * std::sqrt(0.75));
+      off_lattice = std::max(off_lattice, std::abs(rows - std::round(rows)));
+      if (lens.centre.minCoeff() < 12 || lens.centre.maxCoeff() > 227) continue;
+      ++inside;
+      const cv::Mat paper(white.size(), CV_32F, cv::Scalar(1));
+      EXPECT_LT((DarkCentroid(paper - white, paper, lens.centre, 10) - lens.centre).norm(), 0.06);
+    }
+    EXPECT_GT(inside, 90);
+    EXPECT_EQ(off_lattice < 1e-9, raw);
   }
-  EXPECT_GT(inside, 90);
 }
 
 TEST(SimulatedImages, PixelQuantilesHaveTheVarianceOfThePointSpreadFunction) {
