@@ -6,8 +6,9 @@
 
 Simulated detections (0.03 px noise, no images) of a focused plenoptic camera of 1400 x 1400 px in 18 frames before an AprilGrid;
 the tilt's direction is drawn for each seed. Calibrates with focused-plenoptic-tilt and prints the largest |error| / sigma of the
-two angles, the mean of (error / sigma)^2 of these and of all parameters, and how often `try` recommends the tilted model. Calibrates
-with focused-plenoptic, too, and prints how often `array_tilted` is named and the largest relative error of its angle.
+two angles, the mean of (error / sigma)^2 of these and of all parameters, and how often `try` recommends a thick lens, which it is not,
+and the tilted model. Calibrates with focused-plenoptic, too, and prints how often `array_tilted` is named and the largest relative
+error of its angle.
 """
 import math
 import pathlib
@@ -51,9 +52,9 @@ def main():
     parser.add_argument("--tilts", type=float, nargs="+", default=[0, 0.3, 0.8, 2])
     parser.add_argument("--no-try", action="store_true")
     arguments = parser.parse_args()
-    print("tilt mrad  seeds  worst angle  mean square: angles  all parameters  try recommends the tilt  array_tilted named  angle off")
+    print("tilt mrad  seeds  worst angle  mean square: angles  all parameters  try recommends thick  the tilt  array_tilted named  angle off")
     for tilt in arguments.tilts:
-        angles, everything, chosen, named = [], [], 0, []
+        angles, everything, chosen, named = [], [], [], []
         for seed in range(arguments.seeds):
             folder = arguments.out / f"{tilt:g}_{seed:02}"
             folder.mkdir(parents=True, exist_ok=True)
@@ -66,10 +67,11 @@ def main():
             named += angle_named(arguments.program, folder)
             if not arguments.no_try:
                 common.run(arguments.program, "try", folder / "set/session.yaml", "-o", folder / "try", "--models", "focused-plenoptic",
-                    MODEL, "--quiet")
-                chosen += load(folder / "try/try.yaml")["recommended"] == MODEL
+                    MODEL, "plenoptic-thick", "--quiet")
+                chosen.append(load(folder / "try/try.yaml")["recommended"])
+        thick, tilted = ["-" if arguments.no_try else chosen.count(model) for model in ("plenoptic-thick", MODEL)]
         print(f"{tilt:9g}  {arguments.seeds:5}  {max(map(abs, angles)):11.2f}  {mean_square(angles):19.2f}"
-              f"  {mean_square(everything):14.2f}  {'-' if arguments.no_try else chosen:>23}  {len(named):18}"
+              f"  {mean_square(everything):14.2f}  {thick:>20}  {tilted:>8}  {len(named):18}"
               f"  {max((abs(1e3 * angle / tilt - 1) for angle in named if tilt > 0), default=0):9.1%}", flush=True)
 
 
