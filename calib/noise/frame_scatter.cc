@@ -5,14 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numeric>
 #include <optional>
 #include <random>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/kernels/row_products.h"
 #include "calib/noise/matrix_root.h"
 
 namespace plenocal {
@@ -24,8 +25,6 @@ using Eigen::VectorXd;
 // Number of combinations of unknowns that are looked at where a model has very many.
 constexpr Eigen::Index kMostDirections = 32;
 
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
 // Indices of one camera's unknowns and of the poses of targets, which all cameras share.
 std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
   return internal::UnknownsOf({.params = uncertainty.param_index,
@@ -33,56 +32,6 @@ std::vector<int> IndicesOf(const Uncertainty& uncertainty, size_t camera) {
                                .targets = uncertainty.target_index},
                               camera);
 }
-
-// Sums over rows that share a pose, of their products with B = [J D with the directions D, 6
-// columns of the pose, residual]: J' B, whose first part is the information J' J times D, and E' B
-// by the pose.
-struct PoseSums {
-  Eigen::Index directions;
-  MatrixXd J_B, E_B;
-
-  PoseSums(Eigen::Index rows, Eigen::Index directions_count)
-      : directions(directions_count),
-        J_B(MatrixXd::Zero(rows, directions + 7)),
-        E_B(MatrixXd::Zero(6, J_B.cols())) {}
-
-  [[nodiscard]] auto Information() const { return J_B.leftCols(directions); }
-  [[nodiscard]] auto Cross() const { return J_B.middleCols<6>(directions); }
-  [[nodiscard]] auto Gradient() const { return J_B.col(directions + 6); }
-  [[nodiscard]] Matrix6d PoseInformation() const { return E_B.middleCols<6>(directions); }
-
-  // Eliminates the pose; returns the inverse of its information times E_B, or nothing for a pose
-  // without information.
-  std::optional<MatrixXd> EliminatePose() {
-    std::optional<MatrixXd> solved = SolvePositive(PoseInformation(), E_B);
-    if (solved) Subtract(*solved);
-    return solved;
-  }
-  // Leaves the pose to the frame's other views, but for what is the view's own jitter `delta` with
-  // the prior information Q.
-  void EliminateJitter(const Matrix6d& Q, const Vector6d& delta) {
-    MatrixXd right = E_B;
-    right.col(directions + 6) += Q * delta;
-    const Matrix6d own = PoseInformation() + Q;
-    Subtract(own.llt().solve(right));
-  }
-
- private:
-  void Subtract(const MatrixXd& solved) {
-    const MatrixXd cross = Cross();
-    const Matrix6d pose = PoseInformation();
-    J_B.noalias() -= cross * solved;
-    E_B.noalias() -= pose * solved;
-  }
-};
-
-// Matrices that the rows of all cameras share.
-struct RowContext {
-  const Bundle& bundle;
-  const Uncertainty& uncertainty;
-  const MatrixXd& D;       // directions in all unknowns
-  MatrixXd marker_D = {};  // change of the best markers with these, its sign changed; empty: held
-};
 
 // Sums over the rows of one marker in all frames, of the derivatives b by the directions with poses
 // and markers at their best: b' residual and, of each camera's directions, the lower triangle of
@@ -92,192 +41,133 @@ struct MarkerSums {
   std::vector<MatrixXd> information;
 };
 
-// Derivatives of one camera's rows, view by view. They touch its own unknowns and, where markers
-// are estimated, three coordinates, which follow all unknowns: these come in at the end, once a
-// frame.
-class CameraRows {
- public:
-  CameraRows(const RowContext& context, size_t camera)
-      : context_(context),
-        own_(IndicesOf(context.uncertainty, camera)),
-        D_(context.D(own_, Eigen::all)),
-        camera_(camera),
-        layout_(internal::MakeLayout(context.bundle)),
-        column_(static_cast<size_t>(layout_.head)) {
-    for (size_t i = 0; i < own_.size(); ++i) {
-      column_[static_cast<size_t>(own_[i])] = static_cast<Eigen::Index>(i);
-    }
-  }
-
-  // Indices of the camera's own unknowns.
-  [[nodiscard]] const std::vector<int>& Own() const { return own_; }
-
-  void Clear() { spans_.clear(); }
-  // Adds the rows of one marker in the present view.
-  void Add(const internal::MarkerRows& rows) {
-    const Eigen::Index count = rows.Count(), first = Used();
-    Reserve(first + count);
-    auto J = J_.middleRows(first, count);
-    J.setZero();
-    internal::ForEachDerivative(
-        context_.bundle, layout_, camera_, rows, [&](int unknown, const auto& by) {
-          if (unknown >= layout_.head) return;
-          J.middleCols(column_[static_cast<size_t>(unknown)], by.cols()) += by;
-        });
-    E_.middleRows(first, count) = rows.Pose();
-    J_marker_.middleRows(first, count) = rows.Position();
-    residuals_.segment(first, count) = rows.Residual();
-    spans_.push_back({rows.Marker(), first, count});
-  }
-
-  // Sums over the rows of the view: rows of the own unknowns, then of all markers. The pose is that
-  // which the camera saw.
-  PoseSums SumView() {
-    PoseSums sums(D_.rows() + context_.marker_D.rows(), D_.cols());
-    const auto J = J_.topRows(Used()), E = E_.topRows(Used());
-    B_.resize(Used(), sums.J_B.cols());
-    B_.leftCols(D_.cols()).noalias() = J * D_;
-    B_.middleCols<6>(D_.cols()) = E;
-    B_.rightCols<1>() = residuals_.head(Used());
-    for (const auto& [marker, first, count] : spans_) {
-      if (context_.marker_D.size() == 0) break;  // no rows, or no unknowns that markers follow
-      B_.block(first, 0, count, D_.cols()).noalias() -=
-          J_marker_.middleRows(first, count) * context_.marker_D.middleRows<3>(3 * marker);
-    }
-    sums.J_B.topRows(D_.rows()).noalias() = J.transpose() * B_;
-    for (const auto& [marker, first, count] : spans_) {
-      if (context_.marker_D.rows() == 0) break;
-      sums.J_B.middleRows<3>(D_.rows() + 3 * marker).noalias() =
-          J_marker_.middleRows(first, count).transpose() * B_.middleRows(first, count);
-    }
-    sums.E_B.noalias() = E.transpose() * B_;
-    return sums;
-  }
-
-  // Adds the rows of the last view to the sums of their markers. The first columns of `pose_D`: the
-  // negative change of the best pose with each direction.
-  void AddToMarkers(const MatrixXd& pose_D, std::vector<MarkerSums>* markers) const {
-    const Eigen::Index count = D_.cols();
-    if (count == 0) return;
-    // By columns: one row's numbers follow each other.
-    const MatrixXd b =
-        (B_.leftCols(count) - B_.middleCols<6>(count) * pose_D.leftCols(count)).transpose();
-    for (const Span& span : spans_) {
-      MarkerSums& sums = (*markers)[static_cast<size_t>(span.marker)];
-      for (Eigen::Index row = span.first; row < span.first + span.count; ++row) {
-        sums.score += B_(row, count + 6) * b.col(row);
-        Eigen::Index first = 0;
-        for (MatrixXd& information : sums.information) {
-          const auto own = b.col(row).segment(first, information.rows());
-          information.selfadjointView<Eigen::Lower>().rankUpdate(own);
-          first += own.size();
-        }
-      }
-    }
-  }
-
- private:
-  // Rows of one marker.
-  struct Span {
-    Eigen::Index marker, first, count;
-  };
-
-  [[nodiscard]] Eigen::Index Used() const {
-    return spans_.empty() ? 0 : spans_.back().first + spans_.back().count;
-  }
-  void Reserve(Eigen::Index rows) {
-    if (rows <= J_.rows()) return;
-    J_.conservativeResize(2 * rows, D_.rows());
-    E_.conservativeResize(2 * rows, 6);
-    J_marker_.conservativeResize(2 * rows, 3);
-    residuals_.conservativeResize(2 * rows);
-  }
-
-  const RowContext& context_;
-  std::vector<int> own_;  // indices of the camera's unknowns: the columns of J_
-  MatrixXd D_;            // rows of the directions
-  size_t camera_;
-  internal::UnknownLayout layout_;
-  std::vector<Eigen::Index> column_;  // of J_, per unknown
-  RowMatrix J_, E_, J_marker_;        // of the view
-  VectorXd residuals_;
-  MatrixXd B_;
-  std::vector<Span> spans_;
-};
-
-// Sums over the rows of one frame after the other: a visitor of rows. Calls `use` with the sums of
-// each frame that has a pose, this eliminated, and with the unknowns that they depend on: rows of
-// others are zero. With `markers`, adds the frame's rows to the sums of each marker. REQUIRES: no
-// jitter, when `markers` are given.
+// Sums over the rows of one frame after the other: a visitor of rows. Calls use(V_D, g) for each
+// frame that has a pose, with its information V on the unknowns before the markers (times the
+// directions D) and half the gradient of its squares, pose and markers at their best. With
+// `markers`, adds the frame's rows to the sums of each marker. REQUIRES: no jitter, when `markers`
+// are given.
 class FrameScores {
  public:
-  using Use = std::function<void(const std::vector<int>& touched, const PoseSums& sums)>;
+  using Use = std::function<void(const MatrixXd& V_D, const VectorXd& gradient)>;
 
-  FrameScores(const RowContext& context, Use use, std::vector<MarkerSums>* markers)
-      : context_(context), use_(std::move(use)), markers_(markers) {
-    for (size_t c = 0; c < context.bundle.cameras.size(); ++c) rows_.emplace_back(context_, c);
+  FrameScores(const Bundle& bundle,
+              const Uncertainty& uncertainty,
+              const MatrixXd& D,
+              Use use,
+              std::vector<MarkerSums>* markers)
+      : bundle_(bundle),
+        layout_(internal::MakeLayout(bundle)),
+        gain_(uncertainty.marker_gain),
+        use_(std::move(use)),
+        markers_(markers),
+        directions_(D.cols()),
+        D_(layout_.total, directions_),
+        B_(0, directions_ + 7),
+        frame_(layout_.total, directions_ + 7),
+        view_(frame_) {
+    D_.topRows(layout_.head) = D;
+    if (layout_.markers) D_.bottomRows(layout_.Markers()) = -gain_ * D;
   }
 
   void Marker(const internal::VisitedView& view, const internal::MarkerRows& rows) {
-    if (view.camera != camera_ || !in_view_) rows_[view.camera].Clear();
-    camera_ = view.camera;
-    in_view_ = true;
-    rows_[camera_].Add(rows);
+    const Eigen::Index first = std::ssize(marker_of_row_), count = rows.Count();
+    marker_of_row_.resize(static_cast<size_t>(first + count), static_cast<size_t>(rows.Marker()));
+    if (B_.rows() < first + count) B_.conservativeResize(2 * (first + count), Eigen::NoChange);
+    auto B = B_.middleRows(first, count);
+    auto along = B.leftCols(directions_);
+    along.setZero();
+    const auto for_each_derivative = [&](const auto& add) {
+      internal::ForEachDerivative(
+          bundle_, layout_, view.camera, rows, [&](int unknown, const auto& J) {
+            if (!J.isZero(0)) add(unknown, J);  // of local models nearly all are zero
+          });
+    };
+    for_each_derivative([&](int unknown, const auto& J) {
+      along += J.lazyProduct(D_.middleRows<std::decay_t<decltype(J)>::ColsAtCompileTime>(unknown));
+    });
+    B.middleCols<6>(directions_) = rows.Pose();
+    B.rightCols<1>() = rows.Residual();
+    Sums& sums = bundle_.EstimatesJitter() ? view_ : frame_;
+    for_each_derivative([&](int unknown, const auto& J) {
+      sums.J_B.middleRows(unknown, J.cols()) += J.transpose().lazyProduct(B);
+    });
+    sums.E_B += rows.Pose().transpose().lazyProduct(B);
   }
 
+  // Leaves the pose to the frame's other views, but for what is the view's own jitter.
   void EndView(const internal::VisitedView& view) {
-    const Bundle& bundle = context_.bundle;
-    const Eigen::Index markers = context_.marker_D.rows();
-    if (cameras_.empty()) {
-      sums_ = PoseSums(context_.D.rows(), context_.D.cols());
-      of_markers_ = MatrixXd::Zero(markers, sums_.J_B.cols());
-    }
-    cameras_.push_back(view.camera);
-    in_view_ = false;
-    PoseSums sums = rows_[view.camera].SumView();
-    if (bundle.EstimatesJitter()) {
-      // The charts of pose and jitter differ by rotations of the size of the jitter.
-      const Matrix6d W = JitterWeight(bundle, view.frame, view.camera);
-      sums.EliminateJitter(W.transpose() * W,
-                           bundle.jitter.delta[bundle.View(view.frame, view.camera)]);
-    }
-    const std::vector<int>& own = rows_[view.camera].Own();
-    sums_.J_B(own, Eigen::all) += sums.J_B.topRows(static_cast<Eigen::Index>(own.size()));
-    of_markers_ += sums.J_B.bottomRows(markers);
-    sums_.E_B += sums.E_B;
-    touched_.insert(touched_.end(), own.begin(), own.end());
+    if (!bundle_.EstimatesJitter()) return;
+    // The charts of pose and jitter differ by rotations of the size of the jitter.
+    const Matrix6d W = JitterWeight(bundle_, view.frame, view.camera), Q = W.transpose() * W;
+    const Matrix6d information = view_.E_B.middleCols<6>(directions_);
+    MatrixXd right = view_.E_B;
+    right.rightCols<1>() += Q * bundle_.jitter.delta[bundle_.View(view.frame, view.camera)];
+    const MatrixXd solved = Matrix6d(information + Q).llt().solve(right);
+    frame_.J_B += view_.J_B - view_.J_B.middleCols<6>(directions_) * solved;
+    frame_.E_B += view_.E_B - information * solved;
+    view_.SetZero();
   }
 
   void EndFrame(size_t /*frame*/) {
-    if (of_markers_.rows() > 0) {
-      sums_.J_B.noalias() -= context_.uncertainty.marker_gain.transpose() * of_markers_;
-      touched_.resize(static_cast<size_t>(context_.D.rows()));
-      std::iota(touched_.begin(), touched_.end(), 0);
+    MatrixXd J_B = frame_.J_B.topRows(layout_.head);
+    if (layout_.markers) {
+      J_B.noalias() -= gain_.transpose() * frame_.J_B.bottomRows(layout_.Markers());
     }
-    std::ranges::sort(touched_);
-    // Not std::ranges::unique: Clang 14, which the fuzzer needs, has none with GCC's library.
-    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-    if (const std::optional<MatrixXd> pose_D = sums_.EliminatePose()) {
-      use_(touched_, sums_);
-      for (const size_t c : cameras_) {
-        if (markers_ != nullptr) rows_[c].AddToMarkers(*pose_D, markers_);
-      }
+    const Matrix6d information = frame_.E_B.middleCols<6>(directions_);
+    if (const std::optional<MatrixXd> pose_D = SolvePositive(information, frame_.E_B)) {
+      const MatrixXd cross = J_B.middleCols<6>(directions_);
+      J_B.noalias() -= cross * *pose_D;
+      use_(J_B.leftCols(directions_), J_B.rightCols<1>());
+      if (markers_ != nullptr) AddToMarkers(*pose_D);
     }
-    cameras_.clear();
-    touched_.clear();
+    frame_.SetZero();
+    marker_of_row_.clear();
   }
 
  private:
-  const RowContext& context_;
+  // Sums of products of rows with B = [J D, E, residual]: J by all unknowns, E by the pose that the
+  // camera saw.
+  struct Sums {
+    RowMajorMatrix J_B;
+    MatrixXd E_B;
+
+    Sums(Eigen::Index unknowns, Eigen::Index columns)
+        : J_B(RowMajorMatrix::Zero(unknowns, columns)), E_B(MatrixXd::Zero(6, columns)) {}
+    void SetZero() {
+      J_B.setZero();
+      E_B.setZero();
+    }
+  };
+
+  // The first columns of `pose_D`: the negative change of the best pose with each direction.
+  void AddToMarkers(const MatrixXd& pose_D) {
+    const auto B = B_.topRows(std::ssize(marker_of_row_));
+    // By columns: one row's numbers follow each other.
+    const MatrixXd b =
+        (B.leftCols(directions_) - B.middleCols<6>(directions_) * pose_D.leftCols(directions_))
+            .transpose();
+    for (Eigen::Index row = 0; row < B.rows(); ++row) {
+      MarkerSums& sums = (*markers_)[marker_of_row_[static_cast<size_t>(row)]];
+      sums.score += B(row, directions_ + 6) * b.col(row);
+      Eigen::Index first = 0;
+      for (MatrixXd& information : sums.information) {
+        const auto own = b.col(row).segment(first, information.rows());
+        information.selfadjointView<Eigen::Lower>().rankUpdate(own);
+        first += own.size();
+      }
+    }
+  }
+
+  const Bundle& bundle_;
+  internal::UnknownLayout layout_;
+  const MatrixXd& gain_;
   Use use_;
   std::vector<MarkerSums>* markers_;
-  std::vector<CameraRows> rows_;
-  size_t camera_ = 0;
-  bool in_view_ = false;
-  std::vector<size_t> cameras_;  // of the present frame
-  std::vector<int> touched_;
-  PoseSums sums_{0, 0};
-  MatrixXd of_markers_;
+  Eigen::Index directions_;
+  RowMajorMatrix D_;                   // in all unknowns, the markers at their best
+  RowMajorMatrix B_;                   // of the frame's rows
+  std::vector<size_t> marker_of_row_;  // of those
+  Sums frame_, view_;                  // `view_` where there is jitter
 };
 
 // Directions in a space of `unknowns` dimensions: all, or combinations with signs drawn at random.
@@ -354,26 +244,22 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
     }
     markers.assign(bundle.markers.size(), none);
   }
-  const auto add_frame = [&](const std::vector<int>& touched, const PoseSums& sums) {
-    // Information and gradient of the frame in the directions.
-    const MatrixXd V_D = sums.Information()(touched, Eigen::all);
-    const VectorXd D_g = D.transpose() * sums.Gradient();
+  const auto add_frame = [&](const MatrixXd& V_D, const VectorXd& gradient) {
     // Step of the unknowns by this frame, and its variance by the noise of its points. The optimum
     // has taken a part of it: the frame's share of the information of all frames.
-    const VectorXd moved = D_g - V_D.transpose() * by_priors(touched);
-    const MatrixXd own_root = frames_root(touched, Eigen::all).transpose() * V_D;
+    const VectorXd moved = D.transpose() * gradient - V_D.transpose() * by_priors;
+    const MatrixXd own_root = frames_root.transpose() * V_D;
     for (size_t c = 0; c < of_frames.size(); ++c) {
       const auto of_camera = directions.Of(c);
       const auto own = own_root(Eigen::all, of_camera);
-      of_frames[c].Add(
-          moved(of_camera).squaredNorm(),
-          D(touched, of_camera).transpose() * V_D(Eigen::all, of_camera) - own.transpose() * own);
+      of_frames[c].Add(moved(of_camera).squaredNorm(),
+                       D(Eigen::all, of_camera).transpose() * V_D(Eigen::all, of_camera) -
+                           own.transpose() * own);
     }
   };
-  RowContext context{.bundle = bundle, .uncertainty = uncertainty, .D = D};
-  if (uncertainty.marker_gain.size() > 0) context.marker_D = uncertainty.marker_gain * D;
+  FrameScores scores(bundle, uncertainty, D, add_frame, markers.empty() ? nullptr : &markers);
   internal::RowWalk(bundle, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
-      .Visit(FrameScores(context, add_frame, markers.empty() ? nullptr : &markers));
+      .Visit(scores);
   for (const MarkerSums& marker : markers) {
     for (size_t c = 0; c < of_markers.size(); ++c) {
       const auto of_camera = directions.Of(c);
