@@ -4,7 +4,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <utility>
 #include <vector>
 
 #include "calib/adjust/layout.h"
@@ -35,30 +34,26 @@ class ViewProducts {
  private:
   static constexpr Eigen::Index kPanelColumns = 132;
 
-  // Sets `row_`.
-  void SetRow(const MarkerRows& rows, Eigen::Index r);
-  void AddToPanel();
+  // Of `rows_`.
+  using Row = Eigen::Ref<const Eigen::RowVectorXd>;
+  void AddToPanel(const Row& row);
   void Flush();
   // For rows that are zero nearly everywhere.
-  void AddSparse();
+  void AddSparse(const Row& row);
 
   const Bundle& bundle_;
   const UnknownLayout& layout_;
+  size_t camera_;
   bool sparse_;
-  bool extrinsics_;
-  // Parameters that are estimated, each with its column; tied ones have the same.
-  std::vector<std::pair<Eigen::Index, Eigen::Index>> free_;
-  Eigen::Index own_params_ = 0;               // columns of parameters
-  std::vector<Eigen::Index> target_columns_;  // per target: first of its six columns
-  std::vector<int> columns_;                  // index of each own column in the reduced system
-  Eigen::Index own_ = 0;                      // columns of J
-  std::vector<Eigen::Index> touched_;         // columns of J that differ from zero in a row
+  std::vector<int> columns_;             // index of each own column in the reduced system
+  std::vector<Eigen::Index> column_of_;  // own column of each unknown before the markers
+  Eigen::Index own_ = 0;                 // columns of J
+  std::vector<Eigen::Index> touched_;    // columns of J that differ from zero in a row
 
-  Eigen::RowVectorXd row_;        // [J E]
+  RowMajorMatrix rows_;           // [J E] of one marker
   RowMajorMatrix panel_;          // rows of the view, one column each
   Eigen::Index used_ = 0;         // columns of it
   Eigen::MatrixXd product_;       // [J E]' [J E] of the view, or of sparse rows E' [J E]
-  Eigen::MatrixXd marker_;        // [J E]' M of one marker
   Eigen::MatrixXd square_;        // J' J over all views
   Eigen::MatrixXd marker_cross_;  // J' M over all views, three columns a marker
 };
