@@ -121,15 +121,11 @@ void ReducedProblem::EliminateMarkers(bool separate, Linearisation* at) const {
   const Eigen::MatrixXd& S = at->equations.S;
   const auto of_markers = S.block(head, head, markers, markers);
   const Eigen::VectorXd damping = kRounding * at->equations.diagonal.segment(head, markers);
-  if (separate) {
-    at->markers.Compute(of_markers,
-                        UnknownLayout::kOfMarker,
-                        damping,
-                        at->equations.states.RowsOfColumns(head, markers),
-                        Eigen::MatrixXd(markers, 0));
-  } else {
-    at->markers.Compute(of_markers, damping);
-  }
+  at->markers.Compute(
+      of_markers,
+      separate ? UnknownLayout::kOfMarker : markers,
+      damping,
+      separate ? at->equations.states.RowsOfColumns(head, markers) : Eigen::MatrixXd(markers, 0));
   Eigen::MatrixXd by_head(markers, head + 1);
   by_head << S.block(head, 0, markers, head),
       S.row(layout_.total).segment(head, markers).transpose();
