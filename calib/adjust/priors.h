@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 #include <functional>
-#include <utility>
+#include <map>
 #include <vector>
 
 #include "calib/adjust/layout.h"
@@ -15,7 +15,7 @@ namespace plenocal::internal {
 /// A prior's residual in standard deviations at the bundle's present values, with its derivatives
 /// by unknowns of a layout, in the charts about these values.
 struct SparseRow {
-  std::vector<std::pair<int, double>> J;  ///< index of an unknown, derivative
+  std::map<int, double> J;  ///< by the index of an unknown
   double residual = 0;
 };
 
@@ -32,8 +32,8 @@ std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayo
 void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information);
 
 /// Distances between landmarks. `first`: index of the first of a landmark's three unknowns, or -1
-/// for one that has none, whose distances are left out. Where two ends coincide the residuals are
-/// infinite and have no derivatives.
+/// for one that has none, whose distances are left out. Where two ends coincide residuals are not
+/// finite.
 std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
                                        const std::function<int(int marker)>& first);
 

@@ -136,12 +136,8 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
       const Block& block = BlockOf(i);
       double* const values = x_.data() + block.first;
       if (!block.is_used) continue;
-      if (std::isfinite(bounds.lower[i])) {
-        problem_->SetParameterLowerBound(values, i - block.first, x_start_[i] + bounds.lower[i]);
-      }
-      if (std::isfinite(bounds.upper[i])) {
-        problem_->SetParameterUpperBound(values, i - block.first, x_start_[i] + bounds.upper[i]);
-      }
+      problem_->SetParameterLowerBound(values, i - block.first, x_start_[i] + bounds.lower[i]);
+      problem_->SetParameterUpperBound(values, i - block.first, x_start_[i] + bounds.upper[i]);
     }
     ceres::Solver::Options solver = SolverOptions();
     solver.callbacks.push_back(this);
@@ -282,8 +278,7 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
       const auto residual = (weight * value).eval();
       for (Eigen::Index r = 0; BlockOf(first).is_used && r < residual.size(); ++r) {
         rows.push_back({.J = {}, .residual = residual[r]});
-        for (int i = 0; i < residual.size(); ++i)
-          rows.back().J.emplace_back(first + i, weight(r, i));
+        for (int i = 0; i < residual.size(); ++i) rows.back().J[first + i] = weight(r, i);
       }
     };
     for (size_t m = 0; start_.marker_freedom.HasTolerance() && m < start_.markers.size(); ++m) {
