@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/adjust/rows.h"
 #include "calib/base/statistics.h"
 
 namespace plenocal {
@@ -172,21 +173,21 @@ double SmallestNoise(const Bundle& bundle, size_t camera) {
 }  // namespace
 
 std::vector<double> SquaresOfMarkerErrors(const Bundle& bundle, double marker_sigma) {
-  std::vector<double> squares(bundle.observations.size(), 0.0);
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    Bundle moved = bundle;
-    for (BundleMarker& marker : moved.markers) marker.position[axis] += marker_sigma;
-    for (size_t i = 0; i < squares.size(); ++i) {
-      double residual[kMaxObservationSize], of_moved[kMaxObservationSize];
-      if (!Residual(bundle, bundle.observations[i], residual) ||
-          !Residual(moved, moved.observations[i], of_moved)) {
-        continue;
-      }
-      const size_t camera = static_cast<size_t>(bundle.observations[i].camera);
-      for (size_t r = 0; r < bundle.cameras[camera].model->measured.size(); ++r) {
-        squares[i] += std::pow(of_moved[r] - residual[r], 2);
-      }
-    }
+  std::vector<double> squares;
+  for (const BundleObservation& observation : bundle.observations) {
+    const auto c = static_cast<size_t>(observation.camera);
+    const BundleCamera& camera = bundle.cameras[c];
+    double residual[kMaxObservationSize];
+    Eigen::Matrix<double, kMaxObservationSize, 3, Eigen::RowMajor> J;  // in standard deviations
+    J.setZero();
+    const bool projects =
+        internal::Linearise(camera,
+                            internal::ViewOf(bundle, static_cast<size_t>(observation.frame), c),
+                            bundle.markers[static_cast<size_t>(observation.marker)].position,
+                            observation,
+                            {.residual = residual, .J_marker = J.data()});
+    const double moved = marker_sigma * camera.noise.OwnSigma(observation.assumed_sigma);
+    squares.push_back(projects ? J.squaredNorm() * moved * moved : 0);
   }
   return squares;
 }

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <set>
 #include <utility>
@@ -27,33 +28,23 @@ Eigen::VectorXd Numbers(const std::vector<BundleCamera>& cameras) {
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(), std::ssize(numbers));
 }
 
-// Group of each frame, successive frames together; `groups` for frames without observations.
-std::vector<size_t> GroupFrames(const Bundle& bundle, const std::set<int>& frames, size_t groups) {
-  std::vector<size_t> group_of(bundle.T_rig_target.size(), groups);
-  size_t position = 0;
-  for (const int frame : frames) {
-    group_of[static_cast<size_t>(frame)] = position++ * groups / frames.size();
-  }
-  return group_of;
-}
-
 }  // namespace
 
 Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& options) {
-  std::set<int> frames;
+  std::map<int, size_t> group_of;  // of frames with used observations, successive ones together
   for (const BundleObservation& observation : bundle.observations) {
-    if (observation.used) frames.insert(observation.frame);
+    if (observation.used) group_of[observation.frame];
   }
-  const size_t groups = std::min(frames.size(), static_cast<size_t>(options.groups));
+  const size_t groups = std::min(group_of.size(), static_cast<size_t>(options.groups));
   if (groups < 2) {
     throw JobError("the jackknife over frames needs two frames or more");
   }
-  const std::vector<size_t> group_of = GroupFrames(bundle, frames, groups);
+  size_t position = 0;
+  for (auto& [frame, group] : group_of) group = position++ * groups / group_of.size();
   std::vector<std::set<size_t>> seen_by(bundle.cameras.size());
   for (const BundleObservation& observation : bundle.observations) {
     if (!observation.used) continue;
-    seen_by[static_cast<size_t>(observation.camera)].insert(
-        group_of[static_cast<size_t>(observation.frame)]);
+    seen_by[static_cast<size_t>(observation.camera)].insert(group_of[observation.frame]);
   }
   Eigen::MatrixXd results(Numbers(bundle.cameras).size(), static_cast<Eigen::Index>(groups));
   std::atomic<size_t> done{0};
@@ -63,7 +54,7 @@ Jackknife EstimateByJackknife(const Bundle& bundle, const JackknifeOptions& opti
     if (stop) return;
     Bundle rest = bundle;
     for (BundleObservation& observation : rest.observations) {
-      if (group_of[static_cast<size_t>(observation.frame)] == g) observation.used = false;
+      observation.used = observation.used && group_of.at(observation.frame) != g;
     }
     AdjustOptions adjust;
     adjust.loss = options.loss;

@@ -2,6 +2,7 @@
 #include "calib/noise/landmark_system.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -24,29 +25,18 @@ struct LandmarkRows {
 };
 
 // Parts of the system that one landmark touches.
-class LandmarkSums {
- public:
-  explicit LandmarkSums(Eigen::Index unknowns)
-      : W_(3, unknowns), touched_(static_cast<size_t>(unknowns), false) {}
+struct LandmarkSums {
+  Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
+  std::map<int, Eigen::Vector3d> W;  // columns by other unknowns that are not zero
 
-  void Clear() {
-    for (const int column : columns_) touched_[static_cast<size_t>(column)] = false;
-    columns_.clear();
-    V_.setZero();
-  }
   // Adds rows' rows: the part without the landmark to `S`, the others here.
   void Add(const LandmarkRows& rows, Eigen::MatrixXd* S) {
     const Eigen::MatrixXd square = rows.J.transpose() * rows.J;
     const Eigen::MatrixXd cross = rows.J_landmark.transpose() * rows.J;
-    V_ += rows.J_landmark.transpose() * rows.J_landmark;
+    V += rows.J_landmark.transpose() * rows.J_landmark;
     for (Eigen::Index i = 0; i < std::ssize(rows.columns); ++i) {
       const int column = rows.columns[static_cast<size_t>(i)];
-      if (!touched_[static_cast<size_t>(column)]) {
-        touched_[static_cast<size_t>(column)] = true;
-        columns_.push_back(column);
-        W_.col(column).setZero();
-      }
-      W_.col(column) += cross.col(i);
+      W.try_emplace(column, Eigen::Vector3d::Zero()).first->second += cross.col(i);
       for (Eigen::Index j = 0; j <= i; ++j) {
         const auto [low, high] = std::minmax(column, rows.columns[static_cast<size_t>(j)]);
         (*S)(high, low) += square(i, j);
@@ -55,30 +45,24 @@ class LandmarkSums {
       }
     }
   }
-  // S -= W V^-1 W'
+  // S -= W' V^-1 W
   void Eliminate(Eigen::MatrixXd* S) {
-    const Eigen::LLT<Eigen::Matrix3d> factor(V_);
+    const Eigen::LLT<Eigen::Matrix3d> factor(V);
     if (factor.info() != Eigen::Success) return;
-    std::ranges::sort(columns_);
-    for (const int column : columns_) factor.matrixL().solveInPlace(W_.col(column));
-    for (size_t j = 0; j < columns_.size(); ++j) {
-      double* const out = &(*S)(0, columns_[j]);
-      for (size_t i = j; i < columns_.size(); ++i) {
-        out[columns_[i]] -= W_.col(columns_[i]).dot(W_.col(columns_[j]));
+    std::vector<std::pair<int, Eigen::Vector3d>> columns(W.begin(), W.end());
+    for (auto& [column, w] : columns) factor.matrixL().solveInPlace(w);
+    for (size_t j = 0; j < columns.size(); ++j) {
+      double* const out = &(*S)(0, columns[j].first);
+      for (size_t i = j; i < columns.size(); ++i) {
+        out[columns[i].first] -= columns[i].second.dot(columns[j].second);
       }
     }
   }
   // For a landmark that stays, at `index` of S.
   void Keep(int index, Eigen::MatrixXd* S) const {
-    S->block<3, 3>(index, index) += V_;
-    for (const int column : columns_) S->block<3, 1>(index, column) += W_.col(column);
+    S->block<3, 3>(index, index) += V;
+    for (const auto& [column, w] : W) S->block<3, 1>(index, column) += w;
   }
-
- private:
-  Eigen::Matrix3d V_ = Eigen::Matrix3d::Zero();
-  Eigen::Matrix<double, 3, Eigen::Dynamic> W_;  // of all unknowns; valid where touched
-  std::vector<bool> touched_;
-  std::vector<int> columns_;  // that are
 };
 
 class LandmarkReduction {
@@ -121,10 +105,9 @@ class LandmarkReduction {
   }
 
   PoseSystem Run() {
-    LandmarkSums sums(system_.Size());
     for (size_t m = 0; m < by_landmark_.size(); ++m) {
       if (by_landmark_[m].empty()) continue;
-      sums.Clear();
+      LandmarkSums sums;
       VisitLandmark(m, [&](const LandmarkRows& rows) { sums.Add(rows, &system_.information); });
       if (system_.landmark[m] < 0) {
         sums.Eliminate(&system_.information);

@@ -33,25 +33,19 @@ constexpr double kRankTolerance = 1e-13;
 constexpr double kRoundingShare = 1e-6;
 constexpr double kSmallestUnit = 1e-12;
 
-// Normal equations with poses eliminated, and the degrees of freedom of these.
+// Normal equations with poses eliminated.
 struct ReducedSystem {
   // Of all unknowns of the layout without priors of parameters; its lower triangle.
   Eigen::MatrixXd S;
   // Of half the sum of squares; priors of markers are left out.
   Eigen::VectorXd gradient;
-  // Per camera: degrees of freedom of its rows that pose and jitter unknowns use; and those that
-  // they use of the means of markers, where these have common noise.
-  std::vector<double> degrees_of_poses, degrees_of_poses_by_means;
   // Per frame: covariance of its pose, all unknowns of the layout fixed.
   std::vector<Matrix6d> pose_covariances;
-  // Numbers of the jitter that the data determine.
-  double jitter_translations = 0, jitter_rotations = 0;
 };
 
-ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
+// Takes the degrees of freedom that poses and jitter use into account in `result`.
+ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout, Uncertainty* result) {
   ReducedSystem reduced;
-  reduced.degrees_of_poses.assign(bundle.cameras.size(), 0.0);
-  reduced.degrees_of_poses_by_means.assign(bundle.cameras.size(), 0.0);
   reduced.pose_covariances.assign(bundle.T_rig_target.size(), Matrix6d::Zero());
   const internal::Objective objective = internal::ObjectiveOf(bundle, {});
   internal::ReducedEquations equations =
@@ -74,12 +68,12 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout) {
       if (!bundle.jitter.misplaced[index]) {
         const Matrix6d& W = objective.jitter_weights[index];
         const Vector6d known = Vector6d::Ones() - (W * jitter * W.transpose()).diagonal();
-        reduced.jitter_translations += known.head<3>().sum();
-        reduced.jitter_rotations += known.tail<3>().sum();
+        result->jitter_translation_redundancy += known.head<3>().sum();
+        result->jitter_rotation_redundancy += known.tail<3>().sum();
       }
     }
-    reduced.degrees_of_poses[view.camera] += (view.information * seen).trace();
-    reduced.degrees_of_poses_by_means[view.camera] += (view.information_of_means * seen).trace();
+    result->redundancy[view.camera] -= (view.information * seen).trace();
+    result->degrees_used_by_means[view.camera] += (view.information_of_means * seen).trace();
   }
   reduced.gradient = equations.S.row(layout.total).head(layout.total).transpose();
   for (size_t m = 0; layout.markers && m < bundle.markers.size(); ++m) {
@@ -297,8 +291,7 @@ double SetMarkerErrors(const TailElimination& markers, double marker_sigma, Unce
 // Information of all priors on the unknowns before the markers.
 Eigen::MatrixXd InformationOfPriors(const Bundle& bundle, const UnknownLayout& layout) {
   Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(layout.head, layout.head);
-  AddInformation(internal::RowsOfParamPriors(bundle, layout), &lower);
-  AddInformation(internal::RowsOfCalibrationPrior(bundle, layout), &lower);
+  AddInformation(internal::RowsOfPriors(bundle, layout), &lower);
   return lower.selfadjointView<Eigen::Lower>();
 }
 
@@ -399,11 +392,12 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const std::vector<double> coordinates = UsedCoordinates(bundle);
   const UnknownLayout layout = internal::MakeLayout(bundle);
   if (bundle.HasLandmarks()) return UncertaintyWithLandmarks(bundle, layout, coordinates);
-  const ReducedSystem reduced = Reduce(bundle, layout);
+  Uncertainty result;
+  result.redundancy = coordinates;
+  result.degrees_used_by_means.assign(coordinates.size(), 0.0);
+  const ReducedSystem reduced = Reduce(bundle, layout, &result);
   // The markers' block is positive definite by their prior.
   const TailElimination markers(reduced.S, layout.head, layout.Markers());
-
-  Uncertainty result;
   result.frames_information = markers.information;
   result.frames_gradient = reduced.gradient.head(layout.head);
   if (layout.markers) {
@@ -431,8 +425,6 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const auto free_targets =
       static_cast<double>(std::ranges::count(bundle.targets, false, &BundleTarget::is_fixed));
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
-  result.jitter_translation_redundancy = reduced.jitter_translations;
-  result.jitter_rotation_redundancy = reduced.jitter_rotations;
   const Eigen::VectorXd by_priors =
       result.covariance.cwiseProduct(of_priors).rowwise().sum();  // degrees that these determine
   for (size_t c = 0; c < coordinates.size(); ++c) {
@@ -446,8 +438,8 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
       result.jitter_translation_redundancy -= 3;
       result.jitter_rotation_redundancy -= 3;
     }
-    result.redundancy.push_back(coordinates[c] - own - reduced.degrees_of_poses[c]);
-    result.degrees_used_by_means.push_back(own + reduced.degrees_of_poses_by_means[c]);
+    result.redundancy[c] -= own;
+    result.degrees_used_by_means[c] += own;
   }
   return result;
 }
