@@ -10,7 +10,7 @@
 #include "assess/pose_spread.h"
 #include "assess/projection_map.h"
 #include "assess/residual_field.h"
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal {
 namespace {

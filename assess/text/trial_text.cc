@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "calib/base/number_text.h"
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal {
 namespace {

@@ -6,8 +6,8 @@
 #include <limits>
 #include <set>
 
+#include "calib/estimate/weak_unknowns.h"
 #include "calib/files/calibration_tables.h"
-#include "calib/noise/weak_directions.h"
 
 namespace plenocal {
 namespace {

@@ -11,7 +11,7 @@
 #include <numbers>
 
 #include "calib/base/number_text.h"
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "calib/base/error.h"
 #include "calib/estimate/calibrate.h"
+#include "calib/estimate/weak_unknowns.h"
 #include "calib/noise/jackknife.h"
-#include "calib/noise/weak_directions.h"
 #include "models/registry.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"

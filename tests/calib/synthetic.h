@@ -9,7 +9,7 @@
 
 #include "calib/adjust/bundle.h"
 #include "calib/estimate/calibrate.h"
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal::testing {
 

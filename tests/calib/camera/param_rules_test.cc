@@ -8,7 +8,7 @@
 #include <random>
 
 #include "calib/estimate/calibrate.h"
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 #include "tests/calib/synthetic.h"
 
 namespace plenocal {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Weak unknowns of a made-up uncertainty.
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/noise/weak_directions.h"
+#include "calib/estimate/weak_unknowns.h"
 
 #include <fmt/format.h>
 
