@@ -133,8 +133,8 @@ class ImageRun {
   /// The size of most images; with as many of one as of another, the first seen.
   [[nodiscard]] ImageSize CommonSize() const;
   void CheckWhiteImageSize(const ImageSize& size) const;
-  /// Decides the board's layout by all images: those that cannot tell alone take it, those that
-  /// show another are left out.
+  /// Decides the board's layout by all images: images that fit both take it, images of another are
+  /// left out.
   void SettleLayout();
   /// Measures all markers again by the distortion that all images of the camera show together.
   void UseCommonDistortion(const ImageSize& size);

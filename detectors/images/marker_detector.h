@@ -27,8 +27,9 @@ struct MarkerDetections {
   /// Layout of a board that has several (`CharucoLayout::legacy`), in words; empty for one with
   /// one.
   std::string layout;
-  int layout_evidence = 0;  ///< how much more fits `layout` than another; 0: this image cannot tell
-  /// What is found with each layout, where this image cannot tell: `failure` says so, and all
+  /// Neighbours that agree by `layout` less those that agree by another; 0: undecided.
+  int layout_evidence = 0;
+  /// The markers by each layout, where the image fits both, with that message as `failure`: all
   /// images of the camera together decide.
   std::vector<MarkerDetections> by_layout;
 };

@@ -30,6 +30,7 @@
 
 #include "calib/base/error.h"
 #include "detectors/detect.h"
+#include "detectors/plenoptic/markers/focused_image_detector.h"
 #include "detectors/templates/marker_template.h"
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render.h"
@@ -328,6 +329,25 @@ TEST(TagDetector, FindsAllOfAKalibrGrid) {
              (o.detector_sigma * o.detector_sigma);
     }
     EXPECT_LT(sum / (2.0 * static_cast<double>(detections.markers.size())), 1.6);
+  }
+}
+
+TEST(FocusedImageDetector, FindsTagsThatAreTooBlurredForTheDetector) {
+  const Board board(kFamilies[3], 5, 5, 1.3, true);
+  const double side = 42;
+  const cv::Size size(420, 420);
+  const Eigen::Matrix3d H = Camera(board, size, side, 30, 20);
+  const cv::Mat blurred = testing::Render(testing::View(board, H), size, {2.9, 0, 1, 4});
+  ASSERT_LT(MakeMarkerDetector(board.target)->Detect(blurred).markers.size(), 25U);
+  cv::Mat focused;
+  blurred.convertTo(focused, CV_32F);
+  const MarkerDetections found = internal::FocusedImageDetector(board.target).Detect(focused);
+  EXPECT_THAT(found.markers, SizeIs(4 * 25));
+  for (const Observation& o : found.markers) {
+    const Eigen::Vector2d truth =
+        (H * board.Corners(o.marker / 4)[static_cast<std::size_t>(o.marker % 4)].homogeneous())
+            .hnormalized();
+    EXPECT_LT((Eigen::Vector2d(o.values[0], o.values[1]) - truth).norm(), 1) << o.marker;
   }
 }
 
