@@ -110,7 +110,7 @@ class Camera:
         lenses = PITCH * PIXEL * self.b_L0 / (self.b_L0 + B) * np.column_stack([i + j / 2, j * np.sqrt(3) / 2])
         lenses = lenses[np.abs(lenses).max(1) < (SIZE / 2 + PITCH) * PIXEL]
         self.lenses = np.column_stack([lenses, np.full(len(lenses), self.array)])
-        # The stop itself is no obstacle to its middle.
+        # From the middle of the stop on.
         slope, passed = lens.aim(self.lenses, lenses / (self.array - exit_pupil), -1, range(len(lens.surfaces) - 1, lens.stop - 1, -1),
                                  lambda p, d: p[:, :2])
         self.lenses, self.centres = self.lenses[passed], (lenses + B * slope)[passed]
@@ -226,7 +226,7 @@ def length_errors(folder, result):
 
 
 def check(program, designs, out, sets, noise, model):
-    """Prints the lengths' mean squares, camera by camera and of all; designs that the array looks past are left out."""
+    """Prints the lengths' mean squares, camera by camera and of all."""
     squares, sizes = [], []
     for seed in range(sets):
         random = np.random.default_rng([seed, 7])

@@ -8,10 +8,11 @@ Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens t
 12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
 sensor through thin micro lenses, the main lens' stop and its thin lens to the target: no line of it is a formula of
 models/start/plenoptic_model.h, which knows micro lenses as pinholes and no stop. A set that is there already is not rendered
-or calibrated again. Prints (estimate - truth) / sigma of all parameters, the means of their squares, and NEES / n: chi-square of a
-set's n parameters together over n, with the interval in which 99 % of its means are (correlated errors scatter more). --tilt: arrays tilted by
-so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what `array_tilted` states. --quarter: two lens
-types, one lens in four of the second. --large: 2048 x 2048 px, f_L 16 mm, three types, with a stereo pair.
+or calibrated again. Prints (estimate - truth) / sigma of all parameters, the means of their squares, and NEES / n: chi-square
+of a set's n parameters together over n, with the interval in which 99 % of its means are (correlated errors scatter more).
+--tilt: arrays tilted by so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what
+`array_tilted` states. --quarter: two lens types, one lens in four of the second. --large: 2048 x 2048 px, f_L 16 mm, three
+types, with a stereo pair.
 Needs python3-numba, python3-numpy, python3-opencv, python3-scipy, python3-yaml.
 """
 import pathlib

@@ -61,7 +61,7 @@ def main():
             common.simulate(arguments.program, folder, specification(seed, tilt), "--points", target=TARGET)
             camera = common.calibrate(arguments.program, folder / "set/session.yaml", folder / "result")["cameras"]["plenoptic"]
             truth = load(folder / "set/truth/calibration.yaml")["cameras"]["plenoptic"]
-            z = {key: (value - truth["parameters"][key]) / camera["sigma"][key] for key, value in camera["parameters"].items()}
+            z, _ = common.errors_in_sigmas(camera, truth)
             angles += [z["t_x"], z["t_y"]]
             everything += z.values()
             named += angle_named(arguments.program, folder)

@@ -94,7 +94,7 @@ class FrameScores {
     sums.E_B += rows.Pose().transpose().lazyProduct(B);
   }
 
-  // Leaves the pose to the frame's other views, but for what is the view's own jitter.
+  // Eliminates the view's jitter; what is left of its rows is of the frame's pose.
   void EndView(const internal::VisitedView& view) {
     if (!bundle_.EstimatesJitter()) return;
     // The charts of pose and jitter differ by rotations of the size of the jitter.
@@ -245,8 +245,8 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
     markers.assign(bundle.markers.size(), none);
   }
   const auto add_frame = [&](const MatrixXd& V_D, const VectorXd& gradient) {
-    // Step of the unknowns by this frame, and its variance by the noise of its points. The optimum
-    // has taken a part of it: the frame's share of the information of all frames.
+    // Step of the unknowns by this frame, and its variance by the noise of its points, less the
+    // part that the optimum contains: the frame's share of the information of all frames.
     const VectorXd moved = D.transpose() * gradient - V_D.transpose() * by_priors;
     const MatrixXd own_root = frames_root.transpose() * V_D;
     for (size_t c = 0; c < of_frames.size(); ++c) {

@@ -110,7 +110,7 @@ SmoothLattice FirstLattice(const cv::Mat& flat,
   return SmoothLattice::Fit(*measurements);
 }
 
-/// Distortion about each node, which the lattice shows, against that in the middle: with the offset
+/// The distortion about each node by the lattice, relative to that in the middle: with the offset
 /// w in nodes, x - c = J w + w' S w / 2, so that u = B w = B J^-1 (x - c - w' S w / 2), B of the
 /// middle.
 std::vector<internal::LocalMap> LocalMaps(const SmoothLattice& lattice,
