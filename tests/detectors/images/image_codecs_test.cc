@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <jpeglib.h>
 #include <tiffio.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <cstdio>
@@ -224,7 +225,7 @@ struct TiffKind {
 
 /// A file of noise.
 Bytes Tiff(const TiffKind& kind) {
-  const std::string path = ::testing::TempDir() + "plenocal_codecs.tiff";
+  const std::string path = fmt::format("{}plenocal_codecs_{}.tiff", ::testing::TempDir(), getpid());
   TIFF* const tiff = TIFFOpen(path.c_str(), kind.mode);
   TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, kWide);
   TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, kHigh);
