@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the release preset and measures Plenocal against OpenCV, mrcal and libapriltag in one run.
+"""Builds the preset dev and measures Plenocal against OpenCV, mrcal and libapriltag in one run.
 
     bench/run            # a few minutes; tables on standard output
     bench/run --all      # OpenCV on 1000 frames as well: many minutes a repetition
@@ -327,8 +327,8 @@ def main():
     programs = options.programs
     if programs is None:
         programs = common.BUILD
-        for command in (["cmake", "--preset", "release", "-DPLENOCAL_BENCH=ON"],
-                        ["cmake", "--build", "--preset", "release"]):
+        for command in (["cmake", "--preset", "dev"],
+                        ["cmake", "--build", "--preset", "dev", "--target", "plenocal", "bench/all"]):
             subprocess.run(command, cwd=ROOT, check=True, stdout=sys.stderr)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # so that the folder goes
     with common.folder() as temp:
