@@ -184,15 +184,17 @@ RawMeasurements MeasureMarkers(const std::vector<MarkerTemplate>& markers,
     if (!fits[i]) continue;
     const TemplateFit& fit = *fits[i];
     const MarkerTemplate& marker = markers[expected[i].index];
+    const double v = planes.at(marker.part).dot(marker.position.homogeneous());
     const MicroLens& lens = array.lenses[static_cast<size_t>(expected[i].lens)];
     measurements.push_back(
         {.observation =
              {.marker = marker.marker,
               .values = {fit.position.x(), fit.position.y(), lens.centre.x(), lens.centre.y()},
               .detector_sigma = fit.sigma},
-         .inverse_depth = 1 / planes.at(marker.part).dot(marker.position.homogeneous()),
+         .inverse_depth = 1 / v,
          .vignetting_sensitivity = fit.vignetting_sensitivity,
          .depth_sensitivity = fit.depth_sensitivity,
+         .tilt_sensitivity = v * fit.tilt_sensitivity,
          .lens_type = lens.type,
          .blur = blurs[i].mean,
          .blur_sigma = blurs[i].sigma});

@@ -153,6 +153,7 @@ struct NormalEquations {
   double chi2 = 0;
   Eigen::Matrix<double, kCount, 2> vignetting = Eigen::Matrix<double, kCount, 2>::Zero();
   Vector depth = Vector::Zero();
+  Eigen::Matrix<double, kCount, 2> tilt = Eigen::Matrix<double, kCount, 2>::Zero();
 
   void AddPrior(int unknown, const Prior& prior, double value) {
     const double precision = 1 / (prior.sigma * prior.sigma);
@@ -295,6 +296,9 @@ NormalEquations Fit<Pattern>::Equations(const Vector& p) {
   Differentiate(p);
   NormalEquations sums;
   const double k = p[kContrast];
+  const auto lens = static_cast<size_t>(expected_.lens);
+  const Eigen::Vector2d from_centre = expected_.position - patches_.origin[lens].cast<double>() -
+                                      patches_.centre[lens].cast<double>();
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const SeenPixel& pixel = pixels_[i];
     const Vector& j = derivatives_[i].by_unknowns;
@@ -305,6 +309,9 @@ NormalEquations Fit<Pattern>::Equations(const Vector& p) {
     // A template for a larger depth is smaller.
     const Eigen::Vector2d arm(pixel.x - p[kShiftX], pixel.y - p[kShiftY]);
     sums.depth += pixel.weight * j * j.head<2>().dot(arm);
+    // Likewise, where ln v is larger by a gradient times the arm.
+    const Eigen::Vector2d place = from_centre + Eigen::Vector2d(pixel.x, pixel.y);
+    sums.tilt += pixel.weight * j.head<2>().dot(place) * j * arm.transpose();
     sums.chi2 += pixel.weight * residual * residual;
   }
   sums.AddPrior(kBlur, priors_.blur, p[kBlur]);
@@ -324,7 +331,8 @@ TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) c
           .blur_sigma = std::sqrt(covariance_of_all(kBlur, kBlur) * std::max(1.0, excess)),
           .shape = p[kShape],
           .vignetting_sensitivity = covariance_of_all.topRows<2>() * last.vignetting,
-          .depth_sensitivity = covariance_of_all.topRows<2>() * last.depth};
+          .depth_sensitivity = covariance_of_all.topRows<2>() * last.depth,
+          .tilt_sensitivity = covariance_of_all.topRows<2>() * last.tilt};
 }
 
 template <typename Pattern>

@@ -18,6 +18,7 @@ MarkerMeasurement Seen(int marker, double inverse_depth, int lens_type, int plac
                       .lens_type = lens_type};
   m.vignetting_sensitivity << 0.3, 0.1, -0.2, 0.5;
   m.depth_sensitivity = {0.7, -0.6};
+  m.tilt_sensitivity << 300, 100, -200, 400;
   return m;
 }
 
@@ -38,12 +39,13 @@ TEST(MarkerViews, StateWhatTheAdjustmentHasToEstimate) {
   constexpr double kMean = 1 / 12.0 + 0.18;
   EXPECT_NEAR(seen.values[0], 10 - 0.3 * kMean, 1e-12);
   EXPECT_NEAR(seen.values[1], 20 + 0.2 * kMean, 1e-12);
-  // Per coordinate: k_pixel, then of each type far and near k and its change to the right and down.
+  // Per coordinate: k_pixel, of each type far and near k and its change to the right and down, then
+  // the gradient of ln v, 3e-4 (1 - 1/v).
   const double of_pixel = 0.36 / std::sqrt(12.0);
-  const std::vector<double> near{
-      0.3 * of_pixel, 0, 0.1, 0, 0, 0, 0, 0, 0, -0.2 * of_pixel, 0, 0.5, 0, 0, 0, 0, 0, 0};
-  const std::vector<double> far{
-      0.3 * of_pixel, 0, 0, 0, 0, 0.1, 0, -0.1, 0, -0.2 * of_pixel, 0, 0, 0, 0, 0.5, 0, -0.5, 0};
+  const std::vector<double> near{0.3 * of_pixel,  0, 0.1, 0, 0, 0, 0, 0, 0, 0.045, 0.015,  //
+                                 -0.2 * of_pixel, 0, 0.5, 0, 0, 0, 0, 0, 0, -0.03, 0.06};
+  const std::vector<double> far{0.3 * of_pixel,  0, 0, 0, 0, 0.1, 0, -0.1, 0, 0.0675, 0.0225,  //
+                                -0.2 * of_pixel, 0, 0, 0, 0, 0.5, 0, -0.5, 0, -0.045, 0.09};
   ASSERT_EQ(views[0].by_nuisance[0].size(), near.size());
   for (size_t k = 0; k < near.size(); ++k) {
     EXPECT_NEAR(views[0].by_nuisance[0][k], near[k], 1e-12) << k;

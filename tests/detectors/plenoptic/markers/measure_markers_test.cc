@@ -40,18 +40,24 @@ class Chessboard {
     }
   }
 
-  /// The corners measured by drawings for a depth that is too large by a relative error; noise of
-  /// 2 grey values with a `seed` other than 0. `margin`: as if the board were one tag.
-  [[nodiscard]] RawMeasurements Measure(double error, unsigned seed = 0, int margin = 0) const {
+  /// The corners measured by drawings for a depth that is too large by a relative error, whose
+  /// gradient to the right is `slope`, 1 / px; noise of 2 grey values with a `seed` other than 0.
+  /// `margin`: as if the board were one tag.
+  [[nodiscard]] RawMeasurements Measure(double error,
+                                        unsigned seed = 0,
+                                        int margin = 0,
+                                        double slope = 0) const {
     cv::Mat raw = raw_.clone();
     if (seed != 0) {
       cv::Mat noise(raw.size(), CV_32F);
       cv::RNG(seed).fill(noise, cv::RNG::NORMAL, 0, kNoise);
       raw += noise;
     }
-    constexpr int kCells = 20;
     VirtualDepth depth;
-    depth.inverse = cv::Mat(raw_.size(), CV_32F, cv::Scalar(1 / (kDepth * (1 + error))));
+    depth.inverse = cv::Mat(raw_.size(), CV_32F);
+    for (int x = 0; x < raw_.cols; ++x) {
+      depth.inverse.col(x) = 1 / (kDepth * (1 + error + slope * (x - Middle())));
+    }
     depth.sigma = cv::Mat(raw_.size(), CV_32F, cv::Scalar(0.01));
     depth.known = cv::Mat(raw_.size(), CV_8U, cv::Scalar(255));
     std::vector<float> cells;
@@ -65,7 +71,7 @@ class Chessboard {
         Eigen::Matrix3d cells_by_image = Eigen::Matrix3d::Identity() / cell_;
         cells_by_image(2, 2) = 1;
         MarkerTemplate marker{.marker = row * kCells + column,
-                              .position = cell_ * Eigen::Vector2d(column, row),
+                              .position = Corner(row * kCells + column),
                               .cells_by_image = cells_by_image,
                               .pattern = CellTemplate(cells, kCells),
                               .margin = margin};
@@ -81,7 +87,14 @@ class Chessboard {
                           2);
   }
 
+  [[nodiscard]] double Middle() const { return raw_.cols / 2.0; }
+  /// In the virtual image, px.
+  [[nodiscard]] Eigen::Vector2d Corner(int marker) const {
+    return cell_ * Eigen::Vector2d(marker % kCells, marker / kCells);
+  }
+
  private:
+  static constexpr int kCells = 20;
   static constexpr double kDepth = 3.5;
   static constexpr float kNoise = 2;
   [[nodiscard]] Eigen::Vector2d Cells(const Eigen::Vector2d& q) const { return q / cell_; }
@@ -121,6 +134,27 @@ TEST(MeasureMarkers, HaveTheirSensitivityToAWrongDepth) {
   }
   EXPECT_LT(unexplained, 0.05 * moved);
   EXPECT_GT(outward / static_cast<double>(right[0].size()), 0.003);
+}
+
+TEST(MeasureMarkers, HaveTheirSensitivityToAWrongGradientOfDepth) {
+  constexpr double kSlope = 1e-4;
+  const Chessboard board(20);
+  std::vector<RawMeasurements> right{board.Measure(0, 0, 2)}, wrong{board.Measure(0, 0, 2, kSlope)};
+  KeepCommon(&right[0], &wrong[0]);
+  ASSERT_GT(right[0].size(), 150u);
+  double by_depth = 0, by_gradient = 0, unexplained = 0;
+  for (size_t i = 0; i < right[0].size(); ++i) {
+    const MarkerMeasurement &before = right[0][i], &after = wrong[0][i];
+    const double off = board.Corner(after.observation.marker).x() - board.Middle();
+    const Eigen::Vector2d moved = after.Position() - before.Position();
+    const Eigen::Vector2d depth = kSlope * off * after.depth_sensitivity;
+    const Eigen::Vector2d gradient = kSlope * after.tilt_sensitivity.col(0);
+    by_depth += (moved - gradient).squaredNorm();
+    by_gradient += (moved - depth).squaredNorm();
+    unexplained += (moved - depth - gradient).squaredNorm();
+  }
+  EXPECT_LT(unexplained, 0.05 * by_depth);
+  EXPECT_LT(unexplained, 0.1 * by_gradient);
 }
 
 // Corners of a board are one square apart: the pixels beside one must not count as measurements of
