@@ -90,6 +90,25 @@ void TexturedPixels::Keep(const std::vector<char>& keep) {
   filter(&at);
 }
 
+void CoverWindows(std::span<const int> pixels, int size, std::vector<PatchBlock>* blocks) {
+  int left = size, right = 0;
+  for (const int at : pixels) {
+    left = std::min(left, at % size - 1);
+    right = std::max(right, at % size + 2);
+  }
+  blocks->clear();
+  for (int column = left; column < right; column += kLanes) blocks->push_back({column, size, 0});
+  for (const int at : pixels) {
+    const int x = at % size, y = at / size;
+    for (const int side : {x - 1, x + 1}) {
+      PatchBlock& block = (*blocks)[(side - left) / kLanes];
+      block.top = std::min(block.top, y - 1);
+      block.bottom = std::max(block.bottom, y + 2);
+    }
+  }
+  std::erase_if(*blocks, [](const PatchBlock& block) { return block.top >= block.bottom; });
+}
+
 DepthMatcher::DepthMatcher(const LensPatches& patches,
                            const MicroLensIndex& index,
                            const SensorNoise& noise)
@@ -174,32 +193,12 @@ void DepthMatcher::Describe(size_t lens, TexturedPixels* p) const {
   }
 }
 
-void DepthMatcher::CoverWindows(const TexturedPixels& pixels,
-                                std::vector<PatchBlock>* blocks) const {
-  const int n = patches_.size;
-  int left = n, right = 0;
-  for (const int at : pixels.at) {
-    left = std::min(left, at % n - 1);
-    right = std::max(right, at % n + 2);
-  }
-  blocks->clear();
-  for (int column = left; column < right; column += kLanes) blocks->push_back({column, n, 0});
-  for (const int at : pixels.at) {
-    const int x = at % n, y = at / n;
-    for (const int side : {x - 1, x + 1}) {
-      PatchBlock& block = (*blocks)[(side - left) / kLanes];
-      block.top = std::min(block.top, y - 1);
-      block.bottom = std::max(block.bottom, y + 2);
-    }
-  }
-}
-
 /// Mean differences from the neighbours in the 3 x 3 window of each pixel, for each depth.
 void DepthMatcher::MeanDifferences(size_t lens,
                                    ZRange range,
                                    int hypotheses,
                                    MatchScratch* s) const {
-  CoverWindows(s->pixels, &s->blocks);
+  CoverWindows(s->pixels.at, patches_.size, &s->blocks);
   s->partners.clear();
   for (const LatticeStep& to : search_steps_) {
     const int other = index_.Neighbour(static_cast<int>(lens), to);

@@ -37,6 +37,10 @@ struct DepthStart {
   float z;
 };
 
+/// Blocks that hold the 3 x 3 windows of `pixels`, their places in a patch with rows of `size`: all
+/// that a search has to compute. None is empty.
+void CoverWindows(std::span<const int> pixels, int size, std::vector<PatchBlock>* blocks);
+
 class DepthMatcher {
  public:
   /// Keeps references to all of them.
@@ -73,8 +77,6 @@ class DepthMatcher {
   void Describe(size_t lens, TexturedPixels* pixels) const;
   /// The same without defocus and misfit.
   [[nodiscard]] OtherPatch Partner(size_t lens, size_t other) const;
-  /// Blocks that hold the windows of the pixels: all that a search has to compute.
-  void CoverWindows(const TexturedPixels& pixels, std::vector<PatchBlock>* blocks) const;
   [[nodiscard]] ShiftedPatches Shifted(size_t lens, const OtherPatch& other, float z) const;
   void MeanDifferences(size_t lens, ZRange range, int hypotheses, MatchScratch* scratch) const;
   void Smooth(MatchScratch* scratch) const;
