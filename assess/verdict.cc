@@ -65,9 +65,11 @@ bool IsNoiseLarge(const CameraFit& fit) {
                                 : fit.noise_sigma > kUnstatedNoise;
 }
 
-// Whether a pattern of the residuals stands out of the noise.
-bool IsPattern(const CalibratedCamera& camera, double pattern) {
-  return camera.fit.noise_sigma > 0 && pattern > kPatternRatio * camera.fit.noise_sigma;
+// Pattern of the residuals over the image, px: what the model gets wrong there. 0 where it does not
+// stand out of the noise.
+double PatternOf(const CalibratedCamera& camera) {
+  const double pattern = MakeResidualField(camera).Pattern(), noise = camera.fit.noise_sigma;
+  return noise > 0 && pattern > kPatternRatio * noise ? pattern : 0;
 }
 
 // A figure of `Certainty`: not a number where the lens forms no image.
@@ -75,7 +77,7 @@ std::string PixelsText(double pixels) {
   return std::isnan(pixels) ? "no image" : fmt::format("{:.2g} px", pixels);
 }
 
-/// Figures of one map of the projection's sigma, px.
+/// Figures of one map of the projection's error, px.
 struct Certainty {
   double distance = 0;             // m
   double centre = 0, corners = 0;  // corners: the mean square of the four outermost cells
@@ -84,11 +86,13 @@ struct Certainty {
   Eigen::Vector2d where{0, 0};  // of the worst
 };
 
-Certainty Summarise(const ProjectionMap& map) {
+/// `systematic`: error besides the map's sigma, the same everywhere.
+Certainty Summarise(ProjectionMap map, double systematic) {
   Certainty figures{.distance = map.distance};
   std::vector<double> known;
   for (size_t cell = 0; cell < map.sigma.size(); ++cell) {
     if (std::isnan(map.sigma[cell])) continue;
+    map.sigma[cell] = std::hypot(map.sigma[cell], systematic);
     known.push_back(map.sigma[cell]);
     if (map.sigma[cell] <= figures.worst) continue;
     figures.worst = map.sigma[cell];
@@ -128,10 +132,11 @@ class Judgement {
   Verdict Make() {
     verdict_.findings = calibration_.findings;
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      projections_.push_back(JudgeProjection(c));
+      const double pattern = PatternOf(calibration_.cameras[c]);
+      projections_.push_back(JudgeProjection(c, pattern));
       JudgePoses(c, projections_.back());
       JudgeNoise(calibration_.cameras[c]);
-      JudgePattern(calibration_.cameras[c]);
+      JudgePattern(calibration_.cameras[c], pattern);
     }
     for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak);
     JudgeConvergence();
@@ -207,26 +212,31 @@ class Judgement {
                  : weak.remedy});
   }
 
-  // Accuracy of a camera in use: the uncertainty of its projection.
-  Projection JudgeProjection(size_t c) {
+  // Accuracy of a camera in use: the error of its projection over the whole image, by chance and by
+  // the model.
+  Projection JudgeProjection(size_t c, double pattern) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
     if (maps.empty()) return {.grade = Grade::kBad, .known = false};  // `JudgeUnknowns`
-    const Certainty here = Summarise(maps[1]), far = Summarise(maps[3]);
+    const Certainty here = Summarise(maps[1], pattern), far = Summarise(maps[3], pattern);
     const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
-    const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
+    const bool far_bad = far.half > kFarBad;
+    const Grade grade = here.most > kWholePixelError || far_bad            ? Grade::kBad
                         : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
                                                                            : Grade::kGood;
     AddTo(camera,
           {.code = "projection",
            .follows_from_noise = true,
            .grade = grade,
-           .value = grade == Grade::kBad ? here.half : here.most,
-           .limit = grade == Grade::kBad ? kWholePixelError : limit,
+           .value = far_bad ? far.half : here.most,
+           .limit = far_bad                ? kFarBad
+                    : grade == Grade::kBad ? kWholePixelError
+                                           : limit,
            .what = fmt::format(
-               "standard error of the projection at {}: {} in the middle, {} in the corners, "
+               "{} of the projection at {}: {} in the middle, {} in the corners, "
                "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
                "{:.0f})); at {}: {:.2g} px.",
+               pattern > 0 ? "standard error and error of the model" : "standard error",
                Length(here.distance),
                PixelsText(here.centre),
                PixelsText(here.corners),
@@ -403,18 +413,16 @@ class Judgement {
          .remedy = "Look at the images and markers with the most rejected points in the report."});
   }
 
-  // Mean residuals in cells of the image, beyond their noise: what the model gets wrong there.
-  void JudgePattern(const CalibratedCamera& camera) {
-    const double pattern = MakeResidualField(camera).Pattern();
-    if (!IsPattern(camera, pattern)) return;
-    const Grade grade = pattern > kPoint             ? Grade::kBad
+  void JudgePattern(const CalibratedCamera& camera, double pattern) {
+    if (pattern == 0) return;
+    const Grade grade = pattern > kWholePixelError   ? Grade::kBad
                         : pattern > kExactProjection ? Grade::kUsable
                                                      : Grade::kGood;
     AddTo(camera,
           {.code = "residual_pattern",
            .grade = grade,
            .value = pattern,
-           .limit = grade == Grade::kBad ? kPoint : kExactProjection,
+           .limit = grade == Grade::kBad ? kWholePixelError : kExactProjection,
            .what = fmt::format("the residuals have a pattern over the image of {:.3g} px ({:.0f} "
                                "% of the noise){}.",
                                pattern,
@@ -494,9 +502,8 @@ class Judgement {
 }  // namespace
 
 bool HasUnexplainedResiduals(const CalibratedCamera& camera) {
-  const double pattern = MakeResidualField(camera).Pattern();
   return (IsNoiseLarge(camera.fit) && ExcessOf(camera.fit) > kExactProjection) ||
-         (IsPattern(camera, pattern) && pattern > kExactProjection);
+         PatternOf(camera) > kExactProjection;
 }
 
 Verdict Judge(const CalibrationRecord& calibration) { return Judgement(calibration).Make(); }

@@ -237,6 +237,38 @@ TEST(Verdict, IsAboutTheProjectionWhereCoefficientsAreOpen) {
   EXPECT_GT(open, 0);
 }
 
+// The middle of the image alone has points; the rest is extrapolated.
+TEST(Verdict, CountsTheWholeImage) {
+  SyntheticProblem problem = GoodProblem(781, 1);
+  CameraInput& camera = problem.input.cameras[0];
+  camera.views.resize(4);
+  const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
+  for (View& view : camera.views) {
+    std::erase_if(view.observations, [&](const Observation& seen) {
+      const Eigen::Array2d off = Eigen::Vector2d(seen.values[0], seen.values[1]) / size.x();
+      return (off - (size / size.x() / 2).array()).abs().maxCoeff() > 0.2;
+    });
+  }
+  const Verdict verdict = VerdictOf(problem);
+  EXPECT_EQ(verdict.grade, Grade::kBad) << VerdictText(verdict);
+  const auto projection = std::ranges::find(verdict.findings, "projection", &Finding::code);
+  ASSERT_NE(projection, verdict.findings.end());
+  EXPECT_EQ(projection->grade, Grade::kBad);
+  EXPECT_GT(*projection->value, 1);
+}
+
+TEST(Verdict, CountsThePatternOfTheResiduals) {
+  SyntheticProblem problem = GoodProblem(782, 1);
+  const auto waves = [](size_t, double* x, double*) { *x += 0.2 * std::sin(*x / 40); };
+  Displace(&problem, 0, waves);
+  const Calibration calibration = Calibrate(problem.input, {});
+  const Verdict verdict = Judge(Describe(calibration));
+  const auto projection = std::ranges::find(verdict.findings, "projection", &Finding::code);
+  ASSERT_NE(projection, verdict.findings.end());
+  EXPECT_GT(*projection->value, 0.1);
+  EXPECT_THAT(projection->what, ::testing::HasSubstr("error of the model"));
+}
+
 TEST(Verdict, OfOnePoseIsNotGood) {
   SyntheticProblem problem = GoodProblem(780, 1);
   std::vector<View>& views = problem.input.cameras[0].views;
