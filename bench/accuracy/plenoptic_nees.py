@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Standard errors of plenoptic calibrations against the truth, over image sets of random cameras.
 
-    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0] [--tilt 8] [--quarter] [--large]
+    bench/plenoptic_nees PLENOCAL OUT [--sets 40] [--first 0] [--tilt 8] [--quarter] [--large] [--points]
 
 Each set is one camera of a small sensor: f_L of 8 to 50 mm, one or three lens types, Galilean or Keplerian, micro images of
 12 to 40 px, grey or mosaic, AprilGrids or chessboards, several noise levels. Its images are traced here, ray by ray from the
@@ -12,7 +12,8 @@ or calibrated again. Prints (estimate - truth) / sigma of all parameters, the me
 of a set's n parameters together over n, with the interval in which 99 % of its means are (correlated errors scatter more).
 --tilt: arrays tilted by so many mrad, calibrated by focused-plenoptic-tilt; without the tilt too, and prints what
 `array_tilted` states. --quarter: two lens types, one lens in four of the second. --large: 2048 x 2048 px, f_L 16 mm, three
-types, with a stereo pair.
+types, with a stereo pair. --points: no images, but places where straight lines through the micro lenses' middles meet the sensor,
+with noise of 0.02 px, of chessboards; every second array is tilted by --tilt.
 Needs python3-numba, python3-numpy, python3-opencv, python3-scipy, python3-yaml.
 """
 import pathlib
@@ -25,7 +26,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
-from accuracy.geometry import plenoptic_undistorted
+from accuracy.geometry import plenoptic_distortion, plenoptic_undistorted
 from common import load, save
 
 NAMES = ("f_L", "b_L0", "B", "c_x", "c_y", "A_0", "A_1", "B_0", "B_1")
@@ -128,7 +129,7 @@ def traced_light(place, right, down, near, lenses, inverse_f, tilt, B, b_L0, f_L
 class Optics:
     """A camera; lengths in metres, image coordinates upright (the physical ones turned by 180 degrees)."""
 
-    def __init__(self, seed, tilt, quarter, large):
+    def __init__(self, seed, tilt, quarter, large, points=False):
         random = np.random.default_rng(seed)
         self.random = random
         self.pixel = 5.5e-6
@@ -177,7 +178,21 @@ class Optics:
         self.lenses, self.centres, self.types = lenses[keep], centres[keep], types[keep]
         self.basis, self.offset, self.pitch = basis, offset, pitch
         self.index = {tuple(node): k for k, node in enumerate(nodes[keep])}
-        self.find_pixels()
+        if not points:
+            self.find_pixels()
+
+    def in_image(self, place):
+        """Raw px of an undistorted place on the sensor."""
+        p = self.parameters
+        return (place + plenoptic_distortion(place, p)) / self.pixel + [p["c_x"], p["c_y"]]
+
+    def seen_through(self, lens, points):
+        """Where lines from the main lens' images of `points` through a micro lens meet the sensor; and which are well inside its micro image."""
+        p, L, delta = self.parameters, self.lenses[lens], self.lenses[lens] @ self.tilt
+        distance = p["f_L"] * points[:, 2] / (points[:, 2] - p["f_L"])  # of the images from the main lens
+        images = points[:, :2] * (distance / points[:, 2])[:, None]
+        place = L + (images - L) * ((p["B"] + delta) / (distance - p["b_L0"] + delta))[:, None]
+        return place, np.linalg.norm(place - self.centres[lens], axis=1) < 0.35 * self.pitch * self.pixel
 
     def find_pixels(self):
         """Undistorted place of each pixel and of its right and lower neighbour, and the three nearest micro lenses."""
@@ -240,12 +255,61 @@ class OrdinaryCamera:
         return np.clip(np.rint(200 * light + random.normal(size=light.shape) * 2), 0, 255).astype(np.uint8)
 
 
-def write_set(folder, seed, tilt, quarter, large, images=12):
+def draw_boards(camera, centre, images=12):
+    """R, t of the board in the camera; `centre`: of the board in its own coordinates, m."""
+    random, p = camera.random, camera.parameters
+    near, far = camera.distance
+    boards = []
+    for _ in range(images):
+        z = np.exp(random.uniform(np.log(near * 1.15), np.log(far * 0.9)))
+        lean, around = random.uniform(0.35, 0.7), random.uniform(0, 2 * np.pi)
+        R = rotation([lean * np.cos(around), lean * np.sin(around), 0]) @ rotation([0, 0, random.uniform(-0.4, 0.4)])
+        aside = 0.25 * camera.size * camera.pixel / (p["b_L0"] + p["B"]) * z * random.uniform(-1, 1, 2)
+        boards.append((R, np.array([aside[0], aside[1], z]) - R[:, :2] @ centre))
+    return boards
+
+
+def board_width(camera):
+    return 0.75 * np.sqrt(np.prod(camera.distance)) * camera.size * camera.pixel / (camera.parameters["b_L0"] + camera.parameters["B"])
+
+
+def write_truth(folder, camera, target, **more):
+    description = dict(parameters={key: float(value) for key, value in camera.parameters.items()}, pitch=float(camera.pitch),
+                       types=len(camera.f_micro), f_micro=[float(f) for f in camera.f_micro], mosaic=bool(camera.mosaic),
+                       target=target["type"], full_well=int(camera.full_well), size=camera.size, **more)
+    save(folder / "truth.yaml", description)
+
+
+def model_of(tilt):
+    return "focused-plenoptic-tilt" if tilt else "focused-plenoptic"
+
+
+def write_points(folder, seed, tilt, noise=0.02):
+    camera = Optics(seed, tilt, False, False, points=True)
+    square = board_width(camera) / 9
+    target = dict(type="chessboard", columns=8, rows=7, square=float(square))
+    save(folder / "target.yaml", target)
+    places = square * np.array([[column, row] for row in range(7) for column in range(8)])
+    lines = ["frame,marker,x,y,lens_x,lens_y,sigma"]
+    centres = camera.in_image(camera.centres)
+    for frame, (R, t) in enumerate(draw_boards(camera, square * np.array([3.5, 3]))):
+        points = places @ R[:, :2].T + t
+        for lens, centre in enumerate(centres):
+            place, inside = camera.seen_through(lens, points)
+            seen = camera.in_image(place) + camera.random.normal(size=place.shape) * noise
+            inside &= ((seen > 0) & (seen < camera.size - 1)).all(axis=1)
+            lines += [f"{frame:03},{marker},{seen[marker, 0]:.9f},{seen[marker, 1]:.9f},{centre[0]:.9f},{centre[1]:.9f},{noise}"
+                      for marker in np.flatnonzero(inside)]
+    (folder / "points.csv").write_text("\n".join(lines) + "\n")
+    save(folder / "session.yaml", dict(target="target.yaml", cameras=dict(plenoptic=dict(
+        model=model_of(tilt), detections="points.csv", image_size=[camera.size] * 2, pixel_size=camera.pixel))))
+    write_truth(folder, camera, target)
+
+
+def write_set(folder, seed, tilt, quarter, large):
     camera = Optics(seed, tilt, quarter, large)
     p, random = camera.parameters, camera.random
-    near, far = camera.distance
-    middle = np.sqrt(near * far)
-    width = 0.75 * middle * camera.size * camera.pixel / (p["b_L0"] + p["B"])  # of the board
+    width = board_width(camera)
     if camera.chessboard:
         square = width / 9
         target = dict(type="chessboard", columns=8, rows=7, square=float(square))
@@ -265,14 +329,7 @@ def write_set(folder, seed, tilt, quarter, large, images=12):
     texture = cv2.copyMakeBorder(texture, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0.85)
     origin = origin + pad
     centre = np.array([texture.shape[1] / 2, texture.shape[0] / 2])
-    boards = []
-    for _ in range(images):
-        z = np.exp(random.uniform(np.log(near * 1.15), np.log(far * 0.9)))
-        lean, around = random.uniform(0.35, 0.7), random.uniform(0, 2 * np.pi)
-        R = rotation([lean * np.cos(around), lean * np.sin(around), 0]) @ rotation([0, 0, random.uniform(-0.4, 0.4)])
-        aside = 0.25 * camera.size * camera.pixel / (p["b_L0"] + p["B"]) * z * random.uniform(-1, 1, 2)
-        t = np.array([aside[0], aside[1], z]) - R[:, :2] @ (centre / scale)
-        boards.append((R, t))
+    boards = draw_boards(camera, centre / scale)
     light = camera.images(boards, texture - 0.0, scale)
     for name in ("raw", "white"):
         (folder / name).mkdir(exist_ok=True)
@@ -281,7 +338,7 @@ def write_set(folder, seed, tilt, quarter, large, images=12):
     for k in range(5):
         cv2.imwrite(str(folder / f"white/{k}.png"), camera.grey(light[0]))
     session = dict(target="target.yaml", cameras=dict(plenoptic=dict(
-        model="focused-plenoptic-tilt" if tilt else "focused-plenoptic", images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
+        model=model_of(tilt), images="raw/*.png", white_images="white/*.png", pixel_size=camera.pixel)))
     if camera.mosaic:
         session["cameras"]["plenoptic"]["bayer"] = "RGGB"
     poses = [[*map(float, cv2.Rodrigues(R)[0].ravel()), *map(float, t)] for R, t in boards]  # of the texture's corner, m
@@ -293,10 +350,7 @@ def write_set(folder, seed, tilt, quarter, large, images=12):
                 cv2.imwrite(str(folder / name / f"{k:03}.png"), ordinary.image(board, texture, scale, random))
             session["cameras"][name] = dict(model="pinhole-radtan4", images=f"{name}/*.png")
     save(folder / "session.yaml", session)
-    description = dict(poses=poses, texture_scale=float(scale), origin=[float(x) for x in origin], parameters={key: float(value) for key, value in p.items()}, pitch=float(camera.pitch),
-                       types=len(camera.f_micro), f_micro=[float(f) for f in camera.f_micro], mosaic=bool(camera.mosaic),
-                       target="chessboard" if camera.chessboard else "aprilgrid", full_well=int(camera.full_well), size=camera.size)
-    save(folder / "truth.yaml", description)
+    write_truth(folder, camera, target, poses=poses, texture_scale=float(scale), origin=[float(x) for x in origin])
 
 
 def tilt_named(program, folder):
@@ -336,16 +390,21 @@ def main():
     parser.add_argument("--tilt", type=float, default=0)
     parser.add_argument("--quarter", action="store_true")
     parser.add_argument("--large", action="store_true")
+    parser.add_argument("--points", action="store_true")
     arguments = parser.parse_args()
     names = NAMES + (("t_x", "t_y") if arguments.tilt else ())
-    squares = {name: [] for name in names}
-    chi_squares = []
+    errors = {name: [] for name in names}  # in sigmas
+    chi_squares, counts = [], []
     print("set  " + "".join(f"{name:>7}" for name in names) + " NEES/n  camera")
     for seed in range(arguments.first, arguments.first + arguments.sets):
+        tilt = arguments.tilt if not arguments.points or seed % 2 else 0
         folder = arguments.out / f"{seed:02}"
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / "truth.yaml").exists():
-            write_set(folder, seed, arguments.tilt, arguments.quarter, arguments.large)
+            if arguments.points:
+                write_points(folder, seed, tilt)
+            else:
+                write_set(folder, seed, tilt, arguments.quarter, arguments.large)
         truth = load(folder / "truth.yaml")
         result = folder / "result/calibration.yaml"
         if not result.exists():
@@ -357,20 +416,22 @@ def main():
         camera = load(result)["cameras"]["plenoptic"]
         z, chi_square = common.errors_in_sigmas(camera, truth)
         chi_squares.append(chi_square)
-        for name in names:
-            squares[name].append(z[name]**2)
-        line = f"{seed:3}  " + "".join(f"{z[name]:7.2f}" for name in names) + f"{chi_square:7.2f}"
+        counts.append(len(z))
+        for name in z:
+            errors[name].append(z[name])
+        line = f"{seed:3}  " + "".join(f"{z[name]:7.2f}" if name in z else "       " for name in names) + f"{chi_square:7.2f}"
         p = truth["parameters"]
         print(line + f"  f_L {1e3 * p['f_L']:.1f} mm, pitch {truth['pitch']:.1f} px, {truth['types']} types, {truth['target']}"
               f"{', mosaic' if truth['mosaic'] else ''}{', Keplerian' if p['b_L0'] > p['f_L'] else ''}, {len(camera.get('lens_types', []))} types found", flush=True)
-        if arguments.tilt:
+        if arguments.tilt and not arguments.points:
             print(f"     {tilt_named(arguments.program, folder)}", flush=True)
-    print("mean " + "".join(f"{np.mean(squares[name]):7.2f}" for name in names))
-    everything = np.concatenate([squares[name] for name in names])
-    print(f"mean of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
-    n = len(everything)
-    low, high = chi2.ppf([0.005, 0.995], n) / n
-    print(f"NEES / n {np.mean(chi_squares):.2f}, 99 % interval {low:.2f} to {high:.2f}")
+    print("mean square" + "".join(f" {name} {common.mean_square(errors[name]):.2f}" for name in names))
+    print("mean of" + "".join(f" {name} {np.mean(errors[name]):.2f}" for name in names))
+    everything = np.concatenate([errors[name] for name in names])**2
+    print(f"mean square of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
+    for what, mean, n in (("NEES / n", np.average(chi_squares, weights=counts), sum(counts)), ("one parameter", None, len(chi_squares))):
+        low, high = chi2.ppf([0.005, 0.995], n) / n
+        print(f"{what}{'' if mean is None else f' {mean:.3f}'}: 99 % of its means between {low:.2f} and {high:.2f}")
 
 
 if __name__ == "__main__":
