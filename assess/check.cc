@@ -267,8 +267,8 @@ Verdict JudgeCheck(const CalibrationCheck& check) {
     add({.code = "parameters_changed",
          .cameras = {camera.name},
          .what = fmt::format("{}: the old parameters leave {:.3g} px RMS in the new images, those "
-                             "of the new images' own {:.3g} px; so large a gap has a probability "
-                             "of {:.2g} if the calibration holds.",
+                             "of the new images' own {:.3g} px; without a change of the camera a "
+                             "difference at least as large has a probability of {:.2g}.",
                              camera.name,
                              camera.rms_held,
                              camera.rms_free,
@@ -279,9 +279,9 @@ Verdict JudgeCheck(const CalibrationCheck& check) {
     if (&camera == &check.cameras.front()) continue;
     add({.code = "mount_changed",
          .cameras = {camera.name},
-         .what = fmt::format("{}: on the rig turned by {:.4f} degrees and shifted by {:.3f} mm; so "
-                             "large a difference has a probability of {:.2g} if the calibration "
-                             "holds.",
+         .what = fmt::format("{}: on the rig turned by {:.4f} degrees and shifted by {:.3f} mm; "
+                             "without a change of the rig a difference at least as large has a "
+                             "probability of {:.2g}.",
                              camera.name,
                              camera.rotation * 180 / std::numbers::pi,
                              1e3 * camera.translation,

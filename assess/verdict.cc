@@ -482,12 +482,15 @@ class Judgement {
     });
   }
 
+  // With a wrong target no remedy of a consequence helps.
   void RaiseCauses() {
     for (Finding& cause : verdict_.findings) {
-      for (const Finding& other : verdict_.findings) {
-        if (CanExplain(cause, other) && ShareACamera(cause, other)) {
-          cause.grade = std::max(cause.grade, other.grade);
-        }
+      const bool wrong_target =
+          cause.role == FindingRole::kTargetCause && cause.grade == Grade::kBad;
+      for (Finding& other : verdict_.findings) {
+        if (!CanExplain(cause, other) || !ShareACamera(cause, other)) continue;
+        cause.grade = std::max(cause.grade, other.grade);
+        if (wrong_target) other.remedy.clear();
       }
     }
   }
@@ -532,12 +535,15 @@ std::string VerdictText(const Verdict& verdict) {
   std::string text;
   // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
   for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
-    // Good findings that need no action stand in the report, but for the accuracy.
-    if (finding->grade == Grade::kGood && finding->code != "projection" &&
-        finding->code != "points_share_errors") {
-      continue;
+    // Good findings that need no action stand in the report, but for the accuracy. Parameters that
+    // are open without effect are a detail of a good calibration.
+    const bool is_accuracy =
+        finding->code == "projection" || finding->code == "points_share_errors";
+    const bool is_open = finding->code == "undetermined" || finding->code == "weakly_determined";
+    if (finding->grade != Grade::kGood || is_accuracy ||
+        (is_open && verdict.grade != Grade::kGood)) {
+      text += FindingText(*finding);
     }
-    text += FindingText(*finding);
   }
   return text + fmt::format("verdict: {}. {}\n", GradeName(verdict.grade), Headline(verdict));
 }

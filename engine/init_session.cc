@@ -136,7 +136,7 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
       "plenocal: 1\ntarget: {}\ncameras:{}\n",
       target,
       cameras.size() > 1
-          ? "  # on one rig; the first is its master. Cameras that are not get a session each"
+          ? "  # on one rig; the first is its master. Write a session for each camera that is not"
           : "");
   for (const InitCamera& camera : cameras) {
     text += fmt::format("  {}:  # {} images\n", YamlText(camera.name), camera.frames.size());

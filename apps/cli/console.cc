@@ -94,10 +94,9 @@ std::string_view ColourCode(Style style) {
 }
 
 // Beginnings of lines of a result, and their styles; the rest of the line stays plain.
-constexpr std::array<std::pair<std::string_view, Style>, 8> kBeginnings{
+constexpr std::array<std::pair<std::string_view, Style>, 7> kBeginnings{
     {{"WARNING:", Style::kWarning},
      {"NOT DETERMINED", Style::kWarning},
-     {"weakly determined", Style::kWarning},
      {"verdict: good", Style::kGood},
      {"verdict: usable", Style::kWarning},
      {"verdict: bad", Style::kError},

@@ -190,7 +190,7 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
                                                 largest,
                                                 focal_change.empty() ? "" : ", ",
                                                 focal_change)
-                                  : std::string("the noise of the residuals, hardly the cameras")),
+                                  : std::string("the residuals, but no camera by more than its standard errors")),
       .remedy = fmt::format("set tolerance: {:.1g} mm in the target's file, so that its shape is "
                             "estimated too, or use a flat board",
                             1e3 * shape.coordinate)};

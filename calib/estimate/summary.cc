@@ -11,7 +11,6 @@
 #include <numbers>
 
 #include "calib/base/number_text.h"
-#include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal {
 namespace {
@@ -205,20 +204,9 @@ std::string TargetPosesText(const Calibration& calibration) {
   return text;
 }
 
-std::string WeakText(const std::vector<WeakUnknowns>& weak, bool open, std::string_view heading) {
-  std::string text;
-  for (const WeakUnknowns& unknowns : weak) {
-    if (unknowns.open != open) continue;
-    if (text.empty()) text += heading;
-    text +=
-        fmt::format("  {}: {}\n    {}\n", Listed(unknowns.names), unknowns.what, unknowns.remedy);
-  }
-  return text;
-}
-
 }  // namespace
 
-std::string Summary(const Calibration& calibration, const std::vector<WeakUnknowns>& weak) {
+std::string Summary(const Calibration& calibration) {
   const Bundle& bundle = calibration.bundle;
   std::string text =
       fmt::format("{}, {}, {}; {}, {}\n",
@@ -238,10 +226,7 @@ std::string Summary(const Calibration& calibration, const std::vector<WeakUnknow
     if (!camera.is_master) text += ExtrinsicsText(calibration, c);
     if (camera.Find(nuisances::kTimeShift)) text += TimeShiftText(calibration, c);
   }
-  text += TargetPosesText(calibration) + TargetText(bundle);
-  text += WeakText(weak, true, "\nNOT DETERMINED by these images:\n");
-  text += WeakText(weak, false, "\nweakly determined by these images:\n");
-  return text;
+  return text + TargetPosesText(calibration) + TargetText(bundle);
 }
 
 }  // namespace plenocal

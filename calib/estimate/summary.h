@@ -11,8 +11,8 @@
 namespace plenocal {
 
 /// A calibration as text for the terminal: per camera the reprojection error, the parameters with
-/// their standard errors and the extrinsics, then the refined target and the weakly determined
-/// unknowns (`CalibrationRecord::weak`). Needs no observations. Ends in a newline.
-std::string Summary(const Calibration& calibration, const std::vector<WeakUnknowns>& weak);
+/// their standard errors and the extrinsics, then the refined target. Needs no observations. Ends
+/// in a newline.
+std::string Summary(const Calibration& calibration);
 
 }  // namespace plenocal

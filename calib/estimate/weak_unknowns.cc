@@ -78,7 +78,7 @@ class WeakUnknownsFinder {
           names,
           std::isinf(direction.sigma)
               ? std::string("nothing in the data separates them")
-              : fmt::format("uncertain by {:.1f} times their own size", direction.sigma));
+              : fmt::format("their standard error is {:.1f} times their value", direction.sigma));
       if (!bundle_.scale_distance || !std::isinf(direction.sigma)) continue;
       found_.back().what = "nothing gives the scale";
       found_.back().remedy = kScaleRemedy;
@@ -113,7 +113,7 @@ class WeakUnknownsFinder {
     if (names.empty()) return;
     Add(false,
         names,
-        fmt::format("known together far better than one by one (correlation {:.4f})", strongest));
+        fmt::format("changes of one are nearly made up for by the others (correlation {:.4f})", strongest));
   }
 
   // Single parameters of one camera with a large standard error.

@@ -182,7 +182,7 @@ struct OpenDirection {
 struct WeakUnknowns {
   bool open = false;               ///< not determined at all; else badly
   std::vector<std::string> names;  ///< "left.f_x"
-  std::string what;                ///< "uncertain by 3.2 times their own size"
+  std::string what;                ///< "their standard error is 3.2 times their value"
   std::string remedy;              ///< what to do, in sentences; ends in a full stop
 };
 

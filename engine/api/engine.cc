@@ -138,7 +138,7 @@ Calibration CalibrateSession(const Session& session, const Options& options, con
   SessionCalibration found = plenocal::CalibrateSession(request, run);
   found.folders->Commit();
   if (found.target) AddTarget(*found.target, &found.record);
-  std::string summary = Summary(found.calibration, found.record.weak) + "\n" + VerdictText(*found.record.verdict);
+  std::string summary = Summary(found.calibration) + "\n" + VerdictText(*found.record.verdict);
   Calibration calibration = CalibrationOf({std::move(found.record), std::move(found.target)});
   calibration.summary = std::move(summary);
   return calibration;

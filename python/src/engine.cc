@@ -46,7 +46,7 @@ nb::tuple Calibrate(const CalibrateRequest& request, bool report, const Caller& 
     SessionCalibration found = CalibrateSession(request, run);
     if (report && found.folders->out() != nullptr) AddReport(request.out, run, &found);
     found.folders->Commit();
-    std::string text = Summary(found.calibration, found.record.weak) + "\n" + VerdictText(*found.record.verdict);
+    std::string text = Summary(found.calibration) + "\n" + VerdictText(*found.record.verdict);
     if (found.target) AddTarget(*found.target, &found.record);
     Record result{std::move(found.record), {request.out, {}}, std::move(found.target)};
     for (CameraFile& file : found.files) {

@@ -295,6 +295,19 @@ TEST(Verdict, MergesOneFindingOfSeveralCameras) {
   EXPECT_EQ(verdict.findings[0].value, 0.2);
 }
 
+TEST(Verdict, HasNoRemediesForConsequencesOfAWrongTarget) {
+  CalibrationRecord record;
+  record.findings = {{.code = "noise_excess", .grade = Grade::kBad, .remedy = "Try a model."},
+                     {.code = "target_spacing",
+                      .role = FindingRole::kTargetCause,
+                      .grade = Grade::kBad,
+                      .remedy = "Set spacing."}};
+  const Verdict verdict = Judge(record);
+  EXPECT_EQ(verdict.findings[0].code, "target_spacing");
+  EXPECT_EQ(verdict.findings[0].remedy, "Set spacing.");
+  EXPECT_EQ(verdict.findings[1].remedy, "");
+}
+
 TEST(Verdict, GivesACauseTheGradeOfItsConsequences) {
   CalibrationRecord record;
   const auto cause = [](const char* code, const char* camera) -> Finding {

@@ -73,7 +73,7 @@ void RunCalibrate(CalibrateArguments arguments, Console* console) {
     fmt::print("{}\n", JsonText(json));
   } else {
     console->Print(fmt::format("{}\nwritten to {}\n\n{}",
-                               Summary(result.calibration, result.record.weak),
+                               Summary(result.calibration),
                                arguments.out.string(),
                                VerdictText(*result.record.verdict)));
   }

@@ -52,9 +52,9 @@ std::vector<Finding> FindRollingShutter(const CauseEvidence& evidence) {
            .grade = Grade::kUsable,
            .value = moved,
            .limit = 0,
-           .what = fmt::format("the residuals go with the image row and a motion in each frame "
-                               "({:.2g} px RMS): a rolling shutter and a camera or target that "
-                               "moved.",
+           .what = fmt::format("in each frame the residuals depend on the image row as by a motion "
+                               "during the readout ({:.2g} px RMS): a rolling shutter and a camera "
+                               "or target that moved.",
                                moved),
            .remedy = "Hold camera and target still while an image is taken, or use a camera with a "
                      "global shutter."}};

@@ -86,7 +86,7 @@ class Detections : public Workspace {
   }
 
   void ExpectUndetermined(const Outcome& outcome) const {
-    EXPECT_THAT(outcome.out, HasSubstr("NOT DETERMINED"));
+    EXPECT_THAT(outcome.out, HasSubstr("[undetermined]"));
     EXPECT_THAT(outcome.out, ::testing::Not(HasSubstr("nan")));
     ExpectNoNan(Result());
     EXPECT_GT(Result()["undetermined"].size(), 0U);

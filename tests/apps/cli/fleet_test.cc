@@ -28,7 +28,7 @@ class Fleet : public Workspace {
  protected:
   // Three rigs at one date.
   Fleet() {
-    WriteProblem(EasyProblem());
+    WriteProblem(MakeProblem(701, {.frames = 30, .noise = 0.1}));
     for (const char* rig : {"able", "baker", "charlie"}) {
       const fs::path folder = Path("sets") / rig / "2026-01";
       fs::create_directories(folder);
