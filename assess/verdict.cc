@@ -141,7 +141,7 @@ class Judgement {
     for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak);
     JudgeConvergence();
     MergeCameras();
-    RaiseCauses();
+    ApplyCauses();
     SortFindings();
     if (!verdict_.findings.empty()) verdict_.grade = verdict_.findings.front().grade;
     return std::move(verdict_);
@@ -220,23 +220,22 @@ class Judgement {
     if (maps.empty()) return {.grade = Grade::kBad, .known = false};  // `JudgeUnknowns`
     const Certainty here = Summarise(maps[1], pattern), far = Summarise(maps[3], pattern);
     const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
-    const bool far_bad = far.half > kFarBad;
-    const Grade grade = here.most > kWholePixelError || far_bad            ? Grade::kBad
+    // Of the half, as circular fisheye lenses leave a third of the image dark.
+    const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
                         : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
                                                                            : Grade::kGood;
     AddTo(camera,
           {.code = "projection",
            .follows_from_noise = true,
            .grade = grade,
-           .value = far_bad ? far.half : here.most,
-           .limit = far_bad                ? kFarBad
-                    : grade == Grade::kBad ? kWholePixelError
-                                           : limit,
+           .value = grade == Grade::kBad ? here.half : here.most,
+           .limit = grade == Grade::kBad ? kWholePixelError : limit,
            .what = fmt::format(
-               "{} of the projection at {}: {} in the middle, {} in the corners, "
+               "{} at {}: {} in the middle, {} in the corners, "
                "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
                "{:.0f})); at {}: {:.2g} px.",
-               pattern > 0 ? "standard error and error of the model" : "standard error",
+               pattern > 0 ? "error of the projection (standard error, error of the model)"
+                           : "standard error of the projection",
                Length(here.distance),
                PixelsText(here.centre),
                PixelsText(here.corners),
@@ -482,8 +481,8 @@ class Judgement {
     });
   }
 
-  // With a wrong target no remedy of a consequence helps.
-  void RaiseCauses() {
+  // A cause has the grade of its worst consequence; with a wrong target no remedy of these helps.
+  void ApplyCauses() {
     for (Finding& cause : verdict_.findings) {
       const bool wrong_target =
           cause.role == FindingRole::kTargetCause && cause.grade == Grade::kBad;

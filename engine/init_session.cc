@@ -136,7 +136,7 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
       "plenocal: 1\ntarget: {}\ncameras:{}\n",
       target,
       cameras.size() > 1
-          ? "  # on one rig; the first is its master. Write a session for each camera that is not"
+          ? "  # on one rig; the first is its master. A camera that is not on it needs a session of its own"
           : "");
   for (const InitCamera& camera : cameras) {
     text += fmt::format("  {}:  # {} images\n", YamlText(camera.name), camera.frames.size());

@@ -180,17 +180,18 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
       .cameras = cameras,
       .value = largest,
       .limit = largest < kWholePixel ? kNegligible : kWholePixel,
-      .what =
-          fmt::format("the target is not as stated: {:.2g} mm out of its plane from peak to "
-                      "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
-                      "cameras it changes {}",
-                      1e3 * shape.out_of_plane,
-                      1e3 * shape.coordinate,
-                      largest > 0 ? fmt::format("the projection by {:.2g} px{}{}",
-                                                largest,
-                                                focal_change.empty() ? "" : ", ",
-                                                focal_change)
-                                  : std::string("the residuals, but no camera by more than its standard errors")),
+      .what = fmt::format(
+          "the target is not as stated: {:.2g} mm out of its plane from peak to "
+          "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
+          "cameras it changes {}",
+          1e3 * shape.out_of_plane,
+          1e3 * shape.coordinate,
+          largest > 0
+              ? fmt::format("the projection by {:.2g} px{}{}",
+                            largest,
+                            focal_change.empty() ? "" : ", ",
+                            focal_change)
+              : std::string("the residuals, but no camera by more than its standard errors")),
       .remedy = fmt::format("set tolerance: {:.1g} mm in the target's file, so that its shape is "
                             "estimated too, or use a flat board",
                             1e3 * shape.coordinate)};

@@ -429,9 +429,9 @@ def main():
     print("mean of" + "".join(f" {name} {np.mean(errors[name]):.2f}" for name in names))
     everything = np.concatenate([errors[name] for name in names])**2
     print(f"mean square of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
-    for what, mean, n in (("NEES / n", np.average(chi_squares, weights=counts), sum(counts)), ("one parameter", None, len(chi_squares))):
-        low, high = chi2.ppf([0.005, 0.995], n) / n
-        print(f"{what}{'' if mean is None else f' {mean:.3f}'}: 99 % of its means between {low:.2f} and {high:.2f}")
+    low, high = chi2.ppf([0.005, 0.995], sum(counts)) / sum(counts)
+    print(f"NEES / n {np.average(chi_squares, weights=counts):.3f}, 99 % interval {low:.2f} to {high:.2f}")
+
 
 
 if __name__ == "__main__":

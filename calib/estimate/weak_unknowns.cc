@@ -113,7 +113,8 @@ class WeakUnknownsFinder {
     if (names.empty()) return;
     Add(false,
         names,
-        fmt::format("changes of one are nearly made up for by the others (correlation {:.4f})", strongest));
+        fmt::format("changes of one are nearly made up for by the others (correlation {:.4f})",
+                    strongest));
   }
 
   // Single parameters of one camera with a large standard error.

@@ -41,7 +41,7 @@ auto EntryMembers(T& measured) {
                   measured.inverse_depth,
                   measured.vignetting_sensitivity,
                   measured.depth_sensitivity,
-                  measured.tilt_sensitivity,
+                  measured.gradient_sensitivity,
                   measured.lens_type,
                   measured.blur,
                   measured.blur_sigma);

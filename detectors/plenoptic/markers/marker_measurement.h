@@ -21,8 +21,8 @@ struct MarkerMeasurement {
   Eigen::Matrix2d vignetting_sensitivity = Eigen::Matrix2d::Zero();
   /// Change of (x, y), px, with ln v of the template.
   Eigen::Vector2d depth_sensitivity{0, 0};
-  /// Change of (x, y), px, with the gradient of ln v in the virtual image, 1 / px.
-  Eigen::Matrix2d tilt_sensitivity = Eigen::Matrix2d::Zero();
+  /// Change of (x, y), px, with the gradient of ln v of the template in the virtual image, 1 / px.
+  Eigen::Matrix2d gradient_sensitivity = Eigen::Matrix2d::Zero();
   int lens_type = 0;
   /// Blur of this marker alone and its standard error, px; 0: not measured.
   double blur = 0, blur_sigma = 0;

@@ -19,14 +19,14 @@ const double kPixelSigma = kPointSpread / std::sqrt(12.0);
 /// k, px^2: an aperture's covariance is about 1 where it blurs by a pixel.
 constexpr double kApertureSigma = 1;
 
-/// Change of ln v across a tilted array, 1 / px: by 10 mrad where B is 33 px.
-constexpr double kTiltSigma = 3e-4;
+/// Gradient of ln v across a tilted array, 1 / px: that of 10 mrad where B is 33 px.
+constexpr double kGradientSigma = 3e-4;
 
 /// Displacement of a measurement by one standard deviation of k_pixel, of the two k of each lens
 /// type (at the nearest and at the farthest marker) and, of a tilted array, of the two changes of
-/// these across it (B changes there, and the depth in focus with it) and of the gradient of ln v:
-/// matching measures it across micro lenses, so that the part by the tilt is wrong inside one micro
-/// image. Rows x and y.
+/// these across it (B changes there, and the depth in focus with it) and of the gradient of ln v
+/// that the tilt makes from micro lens to micro lens, which one micro image does not have. Rows x
+/// and y.
 std::vector<double> ByNuisance(int types,
                                const MeasuredRange& range,
                                bool tilted,
@@ -39,8 +39,8 @@ std::vector<double> ByNuisance(int types,
   k << range.DepthWeights(m.inverse_depth).transpose(), range.Place(m.Centre()).transpose();
   by.middleCols(1 + of_type * m.lens_type, of_type) =
       kApertureSigma * m.vignetting_sensitivity.col(1) * k.head(of_type);
-  // 1/v is proportional to (B + delta) / (B v + delta).
-  if (tilted) by.rightCols<2>() = kTiltSigma * (1 - m.inverse_depth) * m.tilt_sensitivity;
+  // 1/v is proportional to (B + delta) / (B v + delta), delta the change of B.
+  if (tilted) by.rightCols<2>() = kGradientSigma * (1 - m.inverse_depth) * m.gradient_sensitivity;
   return {by.data(), by.data() + by.size()};
 }
 

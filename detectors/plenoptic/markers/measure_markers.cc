@@ -194,7 +194,7 @@ RawMeasurements MeasureMarkers(const std::vector<MarkerTemplate>& markers,
          .inverse_depth = 1 / v,
          .vignetting_sensitivity = fit.vignetting_sensitivity,
          .depth_sensitivity = fit.depth_sensitivity,
-         .tilt_sensitivity = v * fit.tilt_sensitivity,
+         .gradient_sensitivity = v * fit.gradient_sensitivity,
          .lens_type = lens.type,
          .blur = blurs[i].mean,
          .blur_sigma = blurs[i].sigma});

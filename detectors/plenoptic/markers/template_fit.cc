@@ -153,7 +153,7 @@ struct NormalEquations {
   double chi2 = 0;
   Eigen::Matrix<double, kCount, 2> vignetting = Eigen::Matrix<double, kCount, 2>::Zero();
   Vector depth = Vector::Zero();
-  Eigen::Matrix<double, kCount, 2> tilt = Eigen::Matrix<double, kCount, 2>::Zero();
+  Eigen::Matrix<double, kCount, 2> gradient = Eigen::Matrix<double, kCount, 2>::Zero();
 
   void AddPrior(int unknown, const Prior& prior, double value) {
     const double precision = 1 / (prior.sigma * prior.sigma);
@@ -309,9 +309,9 @@ NormalEquations Fit<Pattern>::Equations(const Vector& p) {
     // A template for a larger depth is smaller.
     const Eigen::Vector2d arm(pixel.x - p[kShiftX], pixel.y - p[kShiftY]);
     sums.depth += pixel.weight * j * j.head<2>().dot(arm);
-    // Likewise, where ln v is larger by a gradient times the arm.
+    // So is a template whose ln v has a larger gradient, on that side.
     const Eigen::Vector2d place = from_centre + Eigen::Vector2d(pixel.x, pixel.y);
-    sums.tilt += pixel.weight * j.head<2>().dot(place) * j * arm.transpose();
+    sums.gradient += pixel.weight * j.head<2>().dot(place) * j * arm.transpose();
     sums.chi2 += pixel.weight * residual * residual;
   }
   sums.AddPrior(kBlur, priors_.blur, p[kBlur]);
@@ -332,7 +332,7 @@ TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) c
           .shape = p[kShape],
           .vignetting_sensitivity = covariance_of_all.topRows<2>() * last.vignetting,
           .depth_sensitivity = covariance_of_all.topRows<2>() * last.depth,
-          .tilt_sensitivity = covariance_of_all.topRows<2>() * last.tilt};
+          .gradient_sensitivity = covariance_of_all.topRows<2>() * last.gradient};
 }
 
 template <typename Pattern>

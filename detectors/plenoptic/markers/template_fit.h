@@ -45,7 +45,7 @@ struct TemplateFit {
   double shape = 0;                        ///< see `FitPriors`
   Eigen::Matrix2d vignetting_sensitivity;  ///< see `MarkerMeasurement`
   Eigen::Vector2d depth_sensitivity;       ///< likewise
-  Eigen::Matrix2d tilt_sensitivity;        ///< change of `position` with grad ln v in raw px
+  Eigen::Matrix2d gradient_sensitivity;    ///< change of `position` with grad ln v in raw px
 };
 
 /// Fits translation, brightness, contrast, blur and shape. Nothing when too few pixels are lit, or

@@ -18,7 +18,7 @@ MarkerMeasurement Seen(int marker, double inverse_depth, int lens_type, int plac
                       .lens_type = lens_type};
   m.vignetting_sensitivity << 0.3, 0.1, -0.2, 0.5;
   m.depth_sensitivity = {0.7, -0.6};
-  m.tilt_sensitivity << 300, 100, -200, 400;
+  m.gradient_sensitivity << 300, 100, -200, 400;
   return m;
 }
 

@@ -148,7 +148,7 @@ TEST(MeasureMarkers, HaveTheirSensitivityToAWrongGradientOfDepth) {
     const double off = board.Corner(after.observation.marker).x() - board.Middle();
     const Eigen::Vector2d moved = after.Position() - before.Position();
     const Eigen::Vector2d depth = kSlope * off * after.depth_sensitivity;
-    const Eigen::Vector2d gradient = kSlope * after.tilt_sensitivity.col(0);
+    const Eigen::Vector2d gradient = kSlope * after.gradient_sensitivity.col(0);
     by_depth += (moved - gradient).squaredNorm();
     by_gradient += (moved - depth).squaredNorm();
     unexplained += (moved - depth - gradient).squaredNorm();
