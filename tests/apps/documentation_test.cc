@@ -64,7 +64,7 @@ TEST_F(Documentation, BadSetsOfTheRecordingGuideGetTheVerdictsItNames) {
   EXPECT_THAT(Verdict("results/varied"), HasSubstr("This calibration is good"));
   EXPECT_THAT(Verdict("results/one-distance"), HasSubstr("all images are from one distance"));
   EXPECT_THAT(Verdict("results/no-tilt"), HasSubstr("the target was not tilted"));
-  EXPECT_THAT(Verdict("results/no-tilt"), HasSubstr("cam.f_x, cam.f_y: uncertain"));
+  EXPECT_THAT(Verdict("results/no-tilt"), HasSubstr("cam.f_x, cam.f_y: their standard error is"));
   EXPECT_THAT(Verdict("results/corner"),
               HasSubstr("points only in the upper left corner of the image"));
   for (const char* kind : {"varied", "one-distance", "no-tilt", "corner"}) {
