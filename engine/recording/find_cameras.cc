@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "calib/files/frame_images.h"
 #include "engine/recording/image_names.h"
 
@@ -79,6 +80,18 @@ bool AreCameras(const Groups& groups, std::optional<size_t> camera_number) {
   });
 }
 
+// The files whose names have one text, if the others are few; else none.
+std::vector<NameParts> MostAlike(const std::vector<NameParts>& files) {
+  Groups groups;
+  for (const NameParts& file : files) groups[file.text].push_back(file);
+  const auto largest =
+      std::ranges::max_element(groups, {}, [](const auto& group) { return group.second.size(); });
+  constexpr size_t kOthers = 4;
+  return kOthers * (files.size() - largest->second.size()) <= files.size()
+             ? largest->second
+             : std::vector<NameParts>();
+}
+
 // left01, right01: the names' texts differ. A few other images may be among them.
 std::optional<Groups> ByText(const std::vector<NameParts>& files) {
   Groups groups;
@@ -90,11 +103,31 @@ std::optional<Groups> ByText(const std::vector<NameParts>& files) {
   return AreCameras(groups, std::nullopt) ? std::optional(groups) : std::nullopt;
 }
 
-// cam0_001, cam1_001: one of the numbers, after a word for a camera, is the camera's.
-std::optional<Groups> ByNumber(const std::vector<NameParts>& files) {
+// img_1_01, img_2_01: groups by the first number alone, a digit, are cameras if they are two to
+// four with the same frames, or nearly.
+bool ArePlainlyNumbered(const Groups& groups) {
+  constexpr size_t kMost = 4, kFewest = 5;
+  constexpr double kSame = 0.9;
+  if (groups.size() < 2 || groups.size() > kMost) return false;
+  const auto first = FramesOf(groups.begin()->second, 0);
+  int number = ParseInt(groups.begin()->first).value_or(-1);
+  if (number > 1) return false;
+  return std::ranges::all_of(groups, [&](const auto& group) {
+    const auto frames = FramesOf(group.second, 0);
+    size_t common = 0;
+    for (const auto& frame : frames) common += first.contains(frame) ? 1 : 0;
+    return group.first == std::to_string(number++) && frames.size() >= kFewest &&
+           static_cast<double>(common) >=
+               kSame * static_cast<double>(std::max(frames.size(), first.size()));
+  });
+}
+
+// cam0_001, cam1_001: one of the numbers, after a word for a camera, is the camera's. A few other
+// images may be among them.
+std::optional<Groups> ByNumber(const std::vector<NameParts>& all) {
+  const std::vector<NameParts> files = MostAlike(all);
+  if (files.empty()) return std::nullopt;
   const std::string& text = files.front().text;
-  const auto other = [&](const NameParts& file) { return file.text != text; };
-  if (std::ranges::any_of(files, other)) return std::nullopt;
   const std::string lower = LowerCase(text);
   size_t at = 0;
   for (size_t n = 0; n < files.front().numbers.size(); ++n) {
@@ -106,10 +139,10 @@ std::optional<Groups> ByNumber(const std::vector<NameParts>& files) {
     }
     const bool camera = word.ends_with("cam") || word.ends_with("camera") ||
                         word.ends_with("view") || word.ends_with("sensor");
-    if (!camera) continue;
+    if (!camera && (n > 0 || files.front().numbers.size() == 1)) continue;
     Groups groups;
     for (const NameParts& file : files) groups[file.numbers[n]].push_back(file);
-    if (AreCameras(groups, n)) {
+    if (camera ? AreCameras(groups, n) : ArePlainlyNumbered(groups)) {
       Groups named;
       for (auto& [number, group] : groups) named["cam" + number] = std::move(group);
       return named;

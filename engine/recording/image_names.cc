@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cctype>
 #include <iterator>
+#include <map>
+#include <regex>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -42,6 +44,20 @@ std::string CommonEnd(std::vector<std::string> texts) {
   return common;
 }
 
+// The files whose names are alike but for numbers, without a few others.
+std::vector<FrameImage> MostAlike(const std::vector<FrameImage>& files) {
+  static const std::regex number("[0-9]+");
+  std::map<std::string, std::vector<FrameImage>> by_form;
+  for (const FrameImage& file : files) {
+    by_form[std::regex_replace(file.path.string(), number, "#")].push_back(file);
+  }
+  constexpr size_t kOthers = 4;
+  for (auto& [form, alike] : by_form) {
+    if (kOthers * (files.size() - alike.size()) <= files.size()) return std::move(alike);
+  }
+  return files;
+}
+
 // The glob that matches these files and no others; empty when there is none.
 std::string ExactGlobOf(const std::vector<FrameImage>& files) {
   std::set<fs::path> wanted;
@@ -53,6 +69,20 @@ std::set<std::string> FramesOf(const std::vector<std::string>& images, const std
   std::set<std::string> frames;
   for (const FrameImage& image : ListImages(images, name)) frames.insert(image.frame);
   return frames;
+}
+
+// Least number of frames that a camera shares with the first.
+size_t SharedFrames(const std::vector<std::string>& names,
+                    const std::vector<std::vector<std::string>>& images) {
+  const std::set<std::string> first = FramesOf(images[0], names[0]);
+  size_t least = first.size();
+  for (size_t c = 1; c < images.size(); ++c) {
+    const std::set<std::string> frames = FramesOf(images[c], names[c]);
+    const auto shared = std::ranges::count_if(
+        frames, [&](const std::string& frame) { return first.contains(frame); });
+    least = std::min(least, static_cast<size_t>(shared));
+  }
+  return least;
 }
 
 bool HoldStores(const std::vector<std::string>& patterns) {
@@ -112,18 +142,6 @@ std::string GlobOf(const std::vector<FrameImage>& files,
   return fits ? glob : std::string();
 }
 
-bool FramesAreShared(const std::vector<std::string>& names,
-                     const std::vector<std::vector<std::string>>& images) {
-  const std::set<std::string> first = FramesOf(images[0], names[0]);
-  for (size_t c = 1; c < images.size(); ++c) {
-    const std::set<std::string> frames = FramesOf(images[c], names[c]);
-    const bool any = std::ranges::any_of(
-        frames, [&](const std::string& frame) { return first.contains(frame); });
-    if (!any) return false;
-  }
-  return true;
-}
-
 std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what) {
   if (HoldStores(inputs)) return inputs;
   for (const std::string& input : inputs) {
@@ -140,16 +158,17 @@ void ShareFrames(const std::vector<std::string>& names,
                  std::vector<std::vector<std::string>>* images) {
   // Their images are paired by time, or by names that no glob can change.
   if (std::ranges::any_of(*images, HoldStores)) return;
-  if (images->size() < 2 || FramesAreShared(names, *images)) return;
+  if (images->size() < 2) return;
+  const size_t shared = SharedFrames(names, *images);
+  if (shared > 1) return;
   std::vector<std::vector<std::string>> globs;
   for (size_t c = 0; c < images->size(); ++c) {
-    const std::string glob = ExactGlobOf(ExpandImages((*images)[c], names[c]));
+    const std::string glob = GlobOf(MostAlike(ExpandImages((*images)[c], names[c])),
+                                    [](const fs::path&) { return true; });
     globs.push_back(glob.empty() ? (*images)[c] : std::vector{glob});
   }
-  if (FramesAreShared(names, globs)) {
-    *images = std::move(globs);
-    return;
-  }
+  if (SharedFrames(names, globs) > shared) *images = std::move(globs);
+  if (SharedFrames(names, *images) > 0) return;
   std::vector<std::string> examples;
   for (size_t c = 0; c < images->size(); ++c) {
     examples.push_back(

@@ -17,16 +17,13 @@ namespace plenocal {
 std::string GlobOf(const std::vector<FrameImage>& files,
                    const std::function<bool(const std::filesystem::path&)>& allowed);
 
-/// True when each camera shares frames with the first.
-bool FramesAreShared(const std::vector<std::string>& names,
-                     const std::vector<std::vector<std::string>>& images);
-
 /// The shortest list of globs, folders or files for one camera's images: files of one folder whose
 /// names differ in one part become a glob if it matches nothing else.
 std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const std::string& what);
 
-/// If the cameras have no frame in common, replaces the files of each by a glob whose "*" stands
-/// for the frame: left01.jpg and right01.jpg are frame 01. Throws `Error` if they still have none.
+/// If the cameras have one frame in common or none, replaces the files of each by a glob whose "*"
+/// stands for the frame, if they have more then: left01.jpg and right01.jpg are frame 01, whatever
+/// few other files are there. Throws `Error` if they have none.
 void ShareFrames(const std::vector<std::string>& names,
                  std::vector<std::vector<std::string>>* images);
 

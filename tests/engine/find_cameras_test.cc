@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "engine/recording/image_names.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -55,6 +56,38 @@ TEST_F(Folders, WithNamesThatShareTheirNumbersHaveACameraOfEachText) {
 TEST_F(Folders, WithANumberAfterTheWordCamHaveACameraOfEachNumber) {
   Make({"001_cam0.png", "001_cam1.png", "002_cam0.png", "002_cam1.png"});
   EXPECT_THAT(Names(), ElementsAre("cam0", "cam1"));
+}
+
+TEST_F(Folders, WithADigitBeforeTheSameNumbersHaveACameraOfEachDigit) {
+  const auto make = [&](int cameras, int images) {
+    for (int c = 1; c <= cameras; ++c) {
+      for (int i = 10; i < 10 + images; ++i) {
+        Make({"img_" + std::to_string(c) + "_" + std::to_string(i) + ".jpg"});
+      }
+    }
+  };
+  make(1, 9);
+  EXPECT_THAT(Names(), ElementsAre("cam"));
+  make(2, 9);
+  Make({"readme.png"});
+  EXPECT_THAT(Names(), ElementsAre("cam1", "cam2"));
+  EXPECT_THAT(CamerasInFolder(folder_)[1].images, ElementsAre(EndsWith("img_2_*.jpg")));
+  // Five exposures of each of some scenes are no rig.
+  make(9, 5);
+  EXPECT_THAT(Names(), ElementsAre("cam"));
+}
+
+TEST_F(Folders, WithAFewOtherFilesShareTheFramesOfTheRest) {
+  Make({"l/left01.jpg", "l/left02.jpg", "l/left03.jpg", "l/left04.jpg", "l/wall.jpg"});
+  Make({"r/right01.jpg", "r/right02.jpg", "r/right03.jpg", "r/right04.jpg"});
+  for (const bool alike : {false, true}) {
+    if (alike) Make({"r/wall.jpg"});  // now one name is in both
+    std::vector<std::vector<std::string>> images{{(folder_ / "l").string()},
+                                                 {(folder_ / "r").string()}};
+    ShareFrames({"l", "r"}, &images);
+    EXPECT_THAT(images[0], ElementsAre(EndsWith("left*.jpg")));
+    EXPECT_THAT(images[1], ElementsAre(EndsWith("right*.jpg")));
+  }
 }
 
 TEST_F(Folders, OfOneNameAreToldApartByThoseAbove) {
