@@ -534,13 +534,13 @@ std::string VerdictText(const Verdict& verdict) {
   std::string text;
   // Clang 14 has no std::views::reverse. NOLINTNEXTLINE(modernize-loop-convert)
   for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
-    // Good findings that need no action stand in the report, but for the accuracy. Parameters that
-    // are open without effect are a detail of a good calibration.
-    const bool is_accuracy =
-        finding->code == "projection" || finding->code == "points_share_errors";
+    // Good findings stand in the report alone, but for these. Parameters that are open without
+    // effect are a detail of a good calibration.
+    static constexpr std::array<std::string_view, 4> kTold{
+        "projection", "points_share_errors", "automatic_choice", "target_size_unknown"};
+    const bool is_told = std::ranges::find(kTold, finding->code) != kTold.end();
     const bool is_open = finding->code == "undetermined" || finding->code == "weakly_determined";
-    if (finding->grade != Grade::kGood || is_accuracy ||
-        (is_open && verdict.grade != Grade::kGood)) {
+    if (finding->grade != Grade::kGood || is_told || (is_open && verdict.grade != Grade::kGood)) {
       text += FindingText(*finding);
     }
   }

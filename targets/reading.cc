@@ -25,6 +25,7 @@ int ReadCount(const YamlNode& node, int least) {
 double ReadPrintedLength(const YamlNode& node) {
   constexpr double kLongest = 2, kShortest = 1e-4;                // m
   constexpr double kLargestTarget = 1e3, kSmallestTarget = 1e-8;  // m; sums of them are finite
+  if (node.IsScalar() && node.AsString() == kUnknown) return 1;
   const double length = node.AsLength();
   const std::string number = node.AsString();
   if (ParseLength(number)->has_unit && (length < kSmallestTarget || length > kLargestTarget)) {

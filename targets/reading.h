@@ -17,8 +17,11 @@ namespace plenocal::internal {
 /// Number of columns or rows, from `least` to 1000.
 int ReadCount(const YamlNode& node, int least);
 
-/// Side or distance of a printed pattern, m. One above 2 m or below 0.1 mm is a slip of the unit,
-/// unless the unit is written.
+/// The value of a length that nobody has measured: it is the unit of all lengths.
+inline constexpr std::string_view kUnknown = "unknown";
+
+/// Side or distance of a printed pattern, m; 1 of `kUnknown`. One above 2 m or below 0.1 mm is a
+/// slip of the unit, unless the unit is written.
 double ReadPrintedLength(const YamlNode& node);
 
 /// Three coordinates, m.

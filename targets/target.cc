@@ -124,6 +124,26 @@ void ReadRefinement(const YamlNode& node, Target* target) {
   }
 }
 
+// The key of a file with a length that is unknown; empty: there is none.
+std::string UnknownKey(const YamlNode& node) {
+  for (const auto& [key, value] : node.Entries()) {
+    if (value.IsScalar() && value.AsString() == internal::kUnknown) return key;
+  }
+  return {};
+}
+
+// Beside an unknown length, which is 1, no other has a unit.
+void CheckUnits(const YamlNode& node) {
+  const std::string unknown = UnknownKey(node);
+  if (unknown.empty()) return;
+  for (const auto& [key, value] : node.Entries()) {
+    const auto length = value.IsScalar() ? ParseLength(value.AsString()) : std::nullopt;
+    if (!length || !length->has_unit) continue;
+    value.Fail(
+        fmt::format("'{0}' is unknown; state this as a part of it, without a unit", unknown));
+  }
+}
+
 Target ReadKeys(const YamlNode& node) {
   Target target;
   if (!node.Has("plenocal") && node.Has("target_type")) {
@@ -133,6 +153,7 @@ Target ReadKeys(const YamlNode& node) {
     // The version is the first key of every file, wherever the user wrote it.
     target.nominal_yaml = "plenocal: 1\n" + node.Dump({"plenocal", "markers", "sigma"});
   }
+  CheckUnits(node);
   if (node.Has("tolerance")) {
     target.tolerance = node.At("tolerance").AsLength();
     if (node.Has("target_type")) {
@@ -199,6 +220,7 @@ TargetDoubts DoubtsAbout(const Target& target) {
           const std::optional<Length> length = ParseLength(entry.second.AsString());
           return length && length->has_unit;
         });
+        doubts.unknown = UnknownKey(nominal);
         for (const auto& [number, position] : target.markers) {
           const Eigen::Vector3d normal = layout.Normal(target.markers, number);
           if (!normal.isZero()) doubts.normals[number] = normal;

@@ -55,6 +55,9 @@ Target ReadTarget(const TargetSource& source);
 /// Throws `Error` of kind kInput that begins with the word.
 Target TargetOfWord(const std::string& word);
 
+/// A target in one word, a file, or the text of one. Throws `Error` of kind kInput.
+TargetSource TargetNamed(const std::string& target);
+
 /// Number of the flat part of the target on which a marker lies: a tag's id; boards are one part.
 int PartOf(const Target& target, int marker);
 

@@ -13,6 +13,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
+#include "calib/io/input_file.h"
 #include "targets/code_books.h"
 #include "targets/target.h"
 
@@ -135,6 +136,21 @@ Target TargetOfWord(const std::string& word) {
     const size_t place = message.starts_with(kName) ? message.find(": ") + 2 : 0;
     Refuse(word, message.substr(place));
   }
+}
+
+TargetSource TargetNamed(const std::string& target) {
+  if (IsThere(target)) return {.file = target, .keys = std::nullopt};
+  if (target.find('\n') != std::string::npos) {
+    return {.file = {}, .keys = YamlNode::Parse(target, "target")};
+  }
+  if (target.find(':') != std::string::npos) {
+    const std::string yaml = TargetOfWord(target).nominal_yaml;
+    return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
+  }
+  throw InputError(
+      "--target {}: no such file; give target.yaml, or a target in one word "
+      "such as chessboard:9x6:25mm",
+      target);
 }
 
 }  // namespace plenocal

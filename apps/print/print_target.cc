@@ -341,7 +341,10 @@ std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request) {
     throw InputError("{}: expected a name that ends in .svg, .pdf or .png", request.out.string());
   }
   const std::optional<Paper> paper = FindPaper(request.paper);
-  const Target target = NominalTarget(ReadTarget(request.target));
+  const Target target = NominalTarget(ReadTarget(TargetNamed(request.target)));
+  if (const std::string unknown = DoubtsAbout(target).unknown; !unknown.empty()) {
+    throw InputError("{}: '{}' is unknown; state it, to print it", request.target, unknown);
+  }
   const std::vector<TargetPart> sheets = DrawTarget(target);
   const std::vector<TargetPart> tags =
       sheets[0].tags.empty() ? std::vector<TargetPart>() : DrawTarget(target, Pieces::kApart);

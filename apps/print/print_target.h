@@ -11,7 +11,7 @@ namespace plenocal {
 
 /// The target to print and the file to write.
 struct PrintRequest {
-  std::filesystem::path target;
+  std::string target;         ///< a file, or a target in one word
   std::filesystem::path out;  ///< .svg, .pdf or .png
   std::string paper = "fit";  ///< a name as of --paper
   double dpi = 300;           ///< of PNG

@@ -48,6 +48,7 @@ struct TargetDoubts {
   /// from everywhere.
   std::map<int, Eigen::Vector3d> normals = {};
   bool unit_is_stated = false;  ///< a length in the file has its unit, "25 mm"
+  std::string unknown = {};     ///< key of the length that is unknown and counts as 1; or empty
 };
 
 }  // namespace plenocal

@@ -204,7 +204,7 @@ std::optional<TargetProposal> ProposeChessboard(const std::vector<Seen>& images)
       .shows = shows,
       .word = fmt::format("chessboard:{}x{}:SIZE", columns, rows),
       .keys = fmt::format("type: chessboard\ncolumns: {}\nrows: {}\n", columns, rows),
-      .measure = {{"square", "side of a square, such as 25 mm"}},
+      .measure = {{"square", "side of a square, such as 25 mm, or unknown"}},
       .images = count};
 }
 
@@ -225,8 +225,8 @@ std::optional<TargetProposal> ProposeCircles(const std::vector<Seen>& images) {
       .keys = fmt::format(
           "type: circles\ncolumns: {}\nrows: {}\npattern: {}\n", columns, rows, pattern),
       .measure = {{"spacing",
-                   asymmetric ? "distance of neighbouring rows, such as 20 mm"
-                              : "distance of neighbouring circles, such as 20 mm"}},
+                   asymmetric ? "distance of neighbouring rows, such as 20 mm, or unknown"
+                              : "distance of neighbouring circles, such as 20 mm, or unknown"}},
       .images = count};
 }
 
@@ -254,7 +254,7 @@ TargetProposal TagGridProposal(const Code& code, const MarkerLayout& layout) {
                           layout.rows,
                           code.border_bits,
                           layout.first_id),
-      .measure = {{"size", "side of a tag's black border, such as 88 mm"},
+      .measure = {{"size", "side of a tag's black border, such as 88 mm, or unknown"},
                   {"spacing",
                    fmt::format("gap between tags / size, or the gap with its unit; the images "
                                "show about {}",
@@ -287,7 +287,7 @@ TargetProposal CharucoProposal(const Code& code, const MarkerLayout& layout) {
                               layout.columns,
                               layout.rows,
                               dictionary),
-          .measure = {{"square", "side of a square, such as 36 mm"},
+          .measure = {{"square", "side of a square, such as 36 mm, or unknown"},
                       {"marker",
                        fmt::format("side of a marker with its black border, such as 18 mm; the "
                                    "images show about {:.2g} of a square",

@@ -37,21 +37,6 @@ std::optional<double> LargestTolerance(const std::vector<Target>& targets) {
 
 }  // namespace
 
-TargetSource TargetNamed(const std::string& target) {
-  if (IsThere(target)) return {.file = target, .keys = std::nullopt};
-  if (target.find('\n') != std::string::npos) {
-    return {.file = {}, .keys = YamlNode::Parse(target, "target")};
-  }
-  if (target.find(':') != std::string::npos) {
-    const std::string yaml = TargetOfWord(target).nominal_yaml;
-    return {.file = {}, .keys = YamlNode::Parse(yaml, target)};
-  }
-  throw InputError(
-      "--target {}: no such file; give target.yaml, or a target in one word "
-      "such as chessboard:9x6:25mm",
-      target);
-}
-
 SessionTargets ReadSessionTargets(const Session& session) {
   SessionTargets targets;
   if (session.targets.empty()) {
@@ -61,6 +46,12 @@ SessionTargets ReadSessionTargets(const Session& session) {
   std::string lines;
   for (size_t k = 0; k < session.targets.size(); ++k) {
     targets.several.push_back(ReadTarget(session.targets[k].source));
+    if (const std::string key = DoubtsAbout(targets.several.back()).unknown; !key.empty()) {
+      throw InputError("{}: target {}: '{}' must be known, as there are several targets",
+                       session.path.string(),
+                       session.targets[k].name,
+                       key);
+    }
     for (const auto& [number, position] : targets.several.back().markers) {
       if (number >= MarkerId::kPerTarget) {
         throw InputError(

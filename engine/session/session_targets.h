@@ -23,9 +23,6 @@ struct SessionTargets {
   std::vector<IdenticalBoards> identical_boards;
 };
 
-/// A target in one word, a file, or the text of one. Throws `Error` of kind kInput.
-TargetSource TargetNamed(const std::string& target);
-
 /// Reads the target files of a session. Throws `Error` for files that cannot be read, and for
 /// targets that no image distinguishes.
 SessionTargets ReadSessionTargets(const Session& session);

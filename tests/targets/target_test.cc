@@ -66,6 +66,18 @@ TEST(Target, OfStatedUnitIsNotDoubtedInIt) {
   EXPECT_FALSE(DoubtsAbout(Read(keys + "square: 0.0006\n")).unit_is_stated);
 }
 
+TEST(Target, OfUnknownSizeHasItAsTheUnit) {
+  const std::string keys =
+      "plenocal: 1\ntype: charuco\ncolumns: 5\nrows: 7\ndictionary: DICT_4X4_50\n";
+  const Target board = Read(keys + "square: unknown\nmarker: 0.5\n");
+  EXPECT_EQ((board.markers.at(1) - board.markers.at(0)).norm(), 1);
+  EXPECT_EQ(DoubtsAbout(board).unknown, "square");
+  EXPECT_THAT(ErrorOf(keys + "square: unknown\nmarker: 18 mm\n"),
+              HasSubstr("marker: 'square' is unknown; state this as a part of it"));
+  EXPECT_EQ(DoubtsAbout(TargetOfWord("chessboard:9x6:unknown")).unknown, "square");
+  EXPECT_EQ(DoubtsAbout(TargetOfWord("chessboard:9x6:25mm")).unknown, "");
+}
+
 // Peak memory of the process, MB.
 double PeakMemory() {
   rusage usage{};

@@ -45,6 +45,15 @@ bool IsUsual(double size, double distance) {
 }
 
 std::vector<Finding> FindWrongUnit(const CauseEvidence& evidence) {
+  if (const std::string& key = evidence.doubts->unknown; !key.empty()) {
+    return {
+        {.code = "target_size_unknown",
+         .grade = Grade::kGood,
+         .what = fmt::format("All lengths are in units of the target's '{0}', which is unknown: "
+                             "1 m in this result is one {0}. Intrinsics do not depend on it.",
+                             key),
+         .remedy = fmt::format("To have lengths in metres, measure '{}' and state it.", key)}};
+  }
   if (evidence.doubts->unit_is_stated) return {};
   const double size = SizeOf(*evidence.markers), distance = MedianDistance(*evidence.calibration);
   const bool large = size > kMostSize && distance > kMostSize;
@@ -53,20 +62,23 @@ std::vector<Finding> FindWrongUnit(const CauseEvidence& evidence) {
   for (const Unit& unit : kUnits) {
     const double factor = large ? unit.metres : 1 / unit.metres;
     if (!IsUsual(factor * size, factor * distance)) continue;
-    return {{.code = "target_scale",
-             .role = FindingRole::kTargetCause,
-             .grade = Grade::kBad,
-             .cameras = {},
-             .value = distance,
-             .limit = large ? kMostDistance : kLeastDistance,
-             .what = fmt::format("the target is {:.3g} m across and was {:.3g} m away: lengths in "
-                                 "its file seem to be {}",
-                                 size,
-                                 distance,
-                                 large ? fmt::format("in {}", unit.name)
-                                       : fmt::format("{:g} times too small", factor)),
-             .remedy = fmt::format("lengths in the target's file are metres: multiply them by {:g}",
-                                   factor)}};
+    return {
+        {.code = "target_scale",
+         .role = FindingRole::kTargetCause,
+         .grade = Grade::kBad,
+         .cameras = {},
+         .value = distance,
+         .limit = large ? kMostDistance : kLeastDistance,
+         .what = fmt::format(
+             "the target is {:.3g} m across and was {:.3g} m away: lengths in "
+             "its file seem to be {}",
+             size,
+             distance,
+             large ? fmt::format("in {}", unit.name) : fmt::format("{:g} times too small", factor)),
+         .remedy = fmt::format("lengths in the target's file are metres: multiply them by {:g}; "
+                               "or was 'unknown' meant? Then write it in place of the length{}",
+                               factor,
+                               large ? ", for which 1 often stands" : "")}};
   }
   return {};
 }

@@ -188,6 +188,10 @@ TEST_F(TargetCommand, SpreadsALargeBoardOverPagesThatJoin) {
 TEST_F(TargetCommand, FilesStateTheirSize) {
   Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.02\n");
   ASSERT_EQ(Print("a.svg").status, kDone);
+  ASSERT_EQ(Run({"target", "chessboard:9x6:25mm", "-o", "word.pdf"}).status, kDone);
+  const Outcome unknown = Run({"target", "chessboard:9x6:unknown", "-o", "unknown.pdf"});
+  EXPECT_EQ(unknown.status, kWrongInput);
+  EXPECT_THAT(unknown.err, HasSubstr("'square' is unknown; state it"));
   ASSERT_EQ(Print("a.pdf").status, kDone);
   ASSERT_EQ(Print("a.png", {"--dpi", "300"}).status, kDone);
   // 9 x 6 squares, half a square of white, 10 mm of margin, 14 mm for the ruler.

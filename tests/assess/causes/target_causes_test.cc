@@ -223,6 +223,13 @@ TEST(TargetCauses, NameAWrongUnit) {
   TargetDoubts with_unit;
   with_unit.unit_is_stated = true;
   EXPECT_THAT(Find(problem.input, with_unit), IsEmpty());
+  EXPECT_THAT(causes[0].remedy, HasSubstr("or was 'unknown' meant?"));
+  TargetDoubts of_unknown_size;
+  of_unknown_size.unknown = "square";
+  const std::vector<Finding> notes = Find(problem.input, of_unknown_size);
+  ASSERT_THAT(CodesOf(notes), ElementsAre("target_size_unknown"));
+  EXPECT_EQ(notes[0].grade, Grade::kGood);
+  EXPECT_THAT(notes[0].what, HasSubstr("1 m in this result is one square"));
 }
 
 TEST(BentTarget, IsMeasured) {
