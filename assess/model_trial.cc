@@ -21,6 +21,8 @@
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/estimate/weak_unknowns.h"
+#include "calib/files/session.h"
 
 namespace plenocal {
 namespace {
@@ -31,11 +33,30 @@ constexpr double kExactRms = 1e-6;         // px; smaller noise is rounding
 
 using PointName = std::tuple<size_t, std::string, int, std::array<double, kMaxObservationSize>>;
 
-bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
+// OpenCV's five coefficients before the other common models.
+int Rarity(const ModelTrial& trial) {
+  return trial.model->name == kUsualModel ? -1 : static_cast<int>(trial.model->usage);
+}
+
+bool HasLessFreedom(const ModelTrial& a, const ModelTrial& b) {
   const auto size = [](const ModelTrial& trial) {
     return std::pair(!trial.marker_freedom.IsRigid(), trial.free_parameters);
   };
-  return size(a) < size(b) && a.model->usage <= b.model->usage;
+  return size(a) < size(b);
+}
+
+bool IsSimpler(const ModelTrial& a, const ModelTrial& b) {
+  return HasLessFreedom(a, b) && Rarity(a) <= Rarity(b);
+}
+
+std::vector<std::string> UndeterminedOf(const Calibration& calibration) {
+  std::vector<std::string> names;
+  for (const WeakUnknowns& weak : FindWeakUnknowns(calibration.bundle, calibration.uncertainty)) {
+    for (const std::string& name : weak.names) {
+      if (weak.open && std::ranges::find(names, name) == names.end()) names.push_back(name);
+    }
+  }
+  return names;
 }
 
 /// What is tried: a model of the varied cameras, and how far the target may differ from its
@@ -141,6 +162,7 @@ class Trials {
     }
     estimated.erase(-1);
     trial->free_parameters = static_cast<int>(estimated.size());
+    trial->undetermined = UndeterminedOf(trial->calibration);
     trial->in_sample_rms = std::sqrt(squares / count);
   }
 
@@ -361,14 +383,53 @@ class Trials {
       for (size_t s = 0; s < trials.size() && trials[m].comparable; ++s) {
         if (!trials[s].comparable || !IsSimpler(trials[s], trials[m])) continue;
         const double gain = scores_->Excess(residuals_[s], residuals_[m]);
+        const double root = std::sqrt(std::max(0.0, gain));
         const double cost = std::pow(trials[m].sigma, 2) - std::pow(trials[s].sigma, 2);
         // Without a finite sigma of either, the simpler one is as good a choice.
         if (cost <= gain) continue;
         if (std::isnan(cost) && gain > 0) continue;
-        const double root = std::sqrt(std::max(0.0, gain));
         if (trials[m].outweighed_by && trials[m].gain <= root) continue;
         trials[m].outweighed_by = s;
         trials[m].gain = root;
+      }
+    }
+  }
+
+  // RMS length of the points' noise under a model, px.
+  [[nodiscard]] double NoiseOf(const ModelTrial& trial) const {
+    double squares = 0;
+    for (const size_t c : choice_.varied) {
+      const double sigma = trial.calibration.fits[c].noise_sigma;
+      squares += sigma * sigma * static_cast<double>(trial.model->measured.size());
+    }
+    return std::sqrt(squares / static_cast<double>(choice_.varied.size()));
+  }
+
+  [[nodiscard]] bool IsWorse(size_t m, size_t than) const {
+    const double p = scores_->ProbabilityOfEqual(residuals_[m], residuals_[than]);
+    if (p >= kSignificant) return false;
+    const auto comparable = std::ranges::count(choice_.trials, true, &ModelTrial::comparable);
+    return p * static_cast<double>(comparable - 1) < kSignificant ||
+           scores_->Excess(residuals_[m], residuals_[than]) >
+               std::pow(NoiseOf(choice_.trials[than]), 2);
+  }
+
+  // Leaves parameters open, and a model with fewer that is common, or no rarer, predicts as well.
+  void FindNeedlesslyOpen() {
+    auto& trials = choice_.trials;
+    for (size_t m = 0; m < trials.size(); ++m) {
+      ModelTrial& open = trials[m];
+      if (!open.comparable || open.undetermined.empty() || open.outweighed_by) continue;
+      for (size_t s = 0; s < trials.size() && !open.outweighed_by; ++s) {
+        const ModelTrial& trial = trials[s];
+        const bool is_common =
+            Rarity(trial) <= std::max(Rarity(open), static_cast<int>(Usage::kCommon));
+        if (!trial.comparable || !trial.undetermined.empty() || !is_common ||
+            !HasLessFreedom(trial, open) || IsWorse(s, m)) {
+          continue;
+        }
+        open.outweighed_by = s;
+        open.gain = std::sqrt(std::max(0.0, scores_->Excess(residuals_[s], residuals_[m])));
       }
     }
   }
@@ -380,15 +441,11 @@ class Trials {
       ModelTrial& trial = trials[m];
       if (!trial.comparable || m == choice_.reference) return;
       trial.probability = scores_->ProbabilityOfEqual(residuals_[m], residuals_[choice_.reference]);
+      trial.worse = IsWorse(m, choice_.reference);
       trial.difference =
           SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
     });
-    double squares = 0;
-    for (const size_t c : choice_.varied) {
-      const double sigma = reference.calibration.fits[c].noise_sigma;
-      squares += sigma * sigma * static_cast<double>(reference.model->measured.size());
-    }
-    choice_.noise = std::sqrt(squares / static_cast<double>(choice_.varied.size()));
+    choice_.noise = NoiseOf(reference);
     for (ModelTrial& trial : trials) {
       trial.practically_equal = trial.comparable &&
                                 trial.difference < kPartOfNoise * choice_.noise &&
@@ -399,6 +456,7 @@ class Trials {
   void Recommend() {
     auto& trials = choice_.trials;
     FindOutweighed();
+    FindNeedlesslyOpen();
     for (size_t m = trials.size(); m-- > 0;) {
       if (trials[m].comparable && !trials[m].outweighed_by) choice_.reference = m;
     }
@@ -408,11 +466,12 @@ class Trials {
       const ModelTrial& trial = trials[m];
       if (!trial.comparable || trial.outweighed_by) continue;
       // What few frames cannot decide is no reason for more parameters.
-      const bool is_richer = trial.free_parameters > trials[choice_.reference].free_parameters;
-      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
+      const bool is_richer =
+          Rarity(trial) >= 0 && trial.free_parameters > trials[choice_.reference].free_parameters;
+      if (!trial.practically_equal && (trial.worse || is_richer)) continue;
       const auto rank = [](const ModelTrial& each) {
         return std::tuple(
-            !each.marker_freedom.IsRigid(), each.model->usage, each.free_parameters, each.rms);
+            !each.marker_freedom.IsRigid(), Rarity(each), each.free_parameters, each.rms);
       };
       if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
     }
@@ -481,6 +540,31 @@ ModelChoice TryTargets(const CalibrationInput& input,
       {model, MarkerFreedom::Rigid(), "target 1 of 2 held rigid"},
       {model, refined, "target 2 of 2 refined"}};
   return Trials(input, std::move(varied), std::move(candidates), options).Run();
+}
+
+ModelAndTarget TryModelsAndTarget(CalibrationInput input,
+                                  const std::vector<size_t>& varied,
+                                  const std::vector<const CameraModel*>& models,
+                                  MarkerFreedom refined,
+                                  TargetQuestion question,
+                                  const TrialOptions& options) {
+  ModelAndTarget tried;
+  const auto try_models = [&](std::span<const CameraModel* const> some) {
+    if (some.empty()) return;
+    tried.models = TryModels(input, varied, some, options);
+    input = WithModel(input, varied, *tried.models.trials[tried.models.recommended].model);
+  };
+  std::vector<const CameraModel*> first = models;
+  if (question == TargetQuestion::kChoose) {
+    std::erase_if(first, [](const CameraModel* model) { return model->usage != Usage::kCommon; });
+  }
+  try_models(first.empty() ? models : first);
+  if (question == TargetQuestion::kNone) return tried;
+  tried.targets = TryTargets(input, varied, refined, options);
+  if (question == TargetQuestion::kJudge) return tried;
+  input.marker_freedom = tried.targets.trials[tried.targets.recommended].marker_freedom;
+  if (!input.marker_freedom.IsRigid() || first.size() < models.size()) try_models(models);
+  return tried;
 }
 
 }  // namespace plenocal

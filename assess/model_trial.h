@@ -36,12 +36,13 @@ struct HeldOutPoint {
 struct ModelTrial {
   const CameraModel* model = nullptr;
   MarkerFreedom marker_freedom = {};
-  int free_parameters = 0;   ///< of all varied cameras
-  std::string failure;       ///< why there is no calibration; then the rest is not set
-  Calibration calibration;   ///< with all frames
-  double seconds = 0;        ///< run time of the calibration
-  double in_sample_rms = 0;  ///< of the varied cameras' used points, px
-  double unseen = 0;         ///< part of the held-out points that the model does not image
+  int free_parameters = 0;                ///< of all varied cameras
+  std::vector<std::string> undetermined;  ///< names of parameters that the images leave open
+  std::string failure;                    ///< why there is no calibration; then the rest is not set
+  Calibration calibration;                ///< with all frames
+  double seconds = 0;                     ///< run time of the calibration
+  double in_sample_rms = 0;               ///< of the varied cameras' used points, px
+  double unseen = 0;  ///< part of the held-out points that the model does not image
   /// It images nearly all points that any of the models images; only then the figures below are
   /// set.
   bool comparable = false;
@@ -53,20 +54,23 @@ struct ModelTrial {
   /// The same over the supported image (`SupportedSigma`).
   double sigma = 0;
   /// A simpler model of no rarer use, an index into the trials, over which this one gains less in
-  /// held-out RMS than its `sigma` is larger (both as differences of squares). `gain`: the root of
-  /// the difference, px.
+  /// held-out RMS than its `sigma` is larger (both as differences of squares); or, if parameters
+  /// are undetermined, which is not significantly worse. `gain`: the root of the difference, px.
   std::optional<size_t> outweighed_by;
   double gain = 0;
   /// Of residuals as bad as these, if the model were as good as the reference: the smaller p-value
   /// of two tests (`HeldOutScores`).
   double probability = 1;
+  bool worse =
+      false;  ///< than the reference: significantly over all tests, or by more than the noise
   /// Of the projection from the reference's over the supported image, px RMS
   /// (`SupportedDifference`).
   double difference = 0;
   bool practically_equal = false;  ///< `difference` is less than matters
 };
 
-/// Level of the tests whether a model is worse than the reference.
+/// Level of the tests whether a model is worse than the reference: of one that is worse by more
+/// than the noise; else over the number of models that are compared.
 inline constexpr double kSignificant = 0.05;
 /// Differences between projections below these parts of the noise and of the standard error of the
 /// reference's projection do not matter.
@@ -98,11 +102,12 @@ struct ModelChoice {
 /// smallest sum of squares on held-out frames, each cut off at the rejection threshold. Each model
 /// is scored over the points that it images.
 ///
-/// A model is acceptable when it has no more parameters than the reference and is not worse at the
-/// level of 5 %, or when both are practically equal, unless its uncertainty outweighs its gain over
-/// a simpler one. Recommended is, of the acceptable ones, the one of the widest use, then the one
-/// with the fewest parameters. All tests are between pairs, so that a model that is neither
-/// reference nor recommended has no influence.
+/// A model is acceptable when it has no more parameters than the reference, or is pinhole-radtan,
+/// and is not `worse`, or when both are practically equal, unless it is outweighed by a simpler
+/// one. Recommended is, of the acceptable ones,
+/// pinhole-radtan, then the one of the widest use, then the one with the fewest parameters. All
+/// tests are between pairs, so that of a model that is neither reference nor recommended only the
+/// presence counts.
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,
@@ -116,6 +121,22 @@ ModelChoice TryTargets(const CalibrationInput& input,
                        std::vector<size_t> varied,
                        MarkerFreedom refined,
                        const TrialOptions& options);
+
+/// Models, and the target with the recommended one.
+struct ModelAndTarget {
+  ModelChoice models, targets;  ///< without trials: not asked for
+};
+enum class TargetQuestion { kNone, kJudge, kChoose };
+
+/// Tries the models (none: those of `input` stay) and judges the target. To be chosen, the target
+/// is judged with the recommended one of the common models, and all models are tried with the
+/// target as chosen: of a bent target that is held rigid every model is to blame for the bend.
+ModelAndTarget TryModelsAndTarget(CalibrationInput input,
+                                  const std::vector<size_t>& varied,
+                                  const std::vector<const CameraModel*>& models,
+                                  MarkerFreedom refined,
+                                  TargetQuestion question,
+                                  const TrialOptions& options);
 
 /// The session with another model of the `varied` cameras; what it states about the parameters of
 /// their own models is left out.

@@ -155,7 +155,17 @@ class CalibrationRun {
                               {result_.folders->cache(), request_.keep ? out : nullptr});
     }
     SessionObservations& observations = found.session;
-    ChooseModel(&observations);
+    note_ = ChooseByHeldOutFrames(target_, run_, &result_.session, &observations);
+    if (images_) {
+      const std::optional<bool> refine = result_.session.refine_target;
+      result_.session = images_->With(result_.session.cameras[0].model->name,
+                                      !refine   ? ""
+                                      : *refine ? "true"
+                                                : "false");
+      UseOptions(request_, &result_.session);
+      Write(ImageSession::kSessionName, [&] { return result_.session.text; });
+      Write(ImageSession::kTargetName, [&] { return images_->target_text(); });
+    }
     const auto provenance = ProvenanceOf(request_.command, session, request_.out);
     if (session.scene) {
       SolveScene(found);
@@ -182,37 +192,23 @@ class CalibrationRun {
 
  private:
   Session Open() {
-    if (request_.model != "auto") model_ = ModelNamed("--model", request_.model);
-    const CameraModel& first = model_ != nullptr ? *model_ : UsualModel();
+    const CameraModel* const model =
+        request_.model == kAuto ? nullptr : ModelNamed("--model", request_.model);
     if (request_.session) {
-      is_model_open_ = std::ranges::any_of(
-          request_.session->cameras, [](const auto& camera) { return camera.model == nullptr; });
-      return WithUsualModels(*request_.session, first);
+      Session session = *request_.session;
+      for (SessionCamera& camera : session.cameras) {
+        if (camera.auto_model && model != nullptr) UseModel(*model, &camera);
+      }
+      return session;
     }
-    if (model_ != nullptr && (!model_->config.empty() || model_->plenoptic)) {
+    if (model != nullptr && (!model->config.empty() || model->plenoptic)) {
       throw InputError(
           "--model {}: needs more than images; write a session, for instance by 'plenocal init'",
           request_.model);
     }
     images_.emplace(request_.images, request_.out, run_);
     target_ = images_->target();
-    return images_->With(first, {});
-  }
-
-  // Chooses the model and whether the target is refined, where both are open.
-  void ChooseModel(SessionObservations* observations) {
-    if (!images_ && !is_model_open_) return;
-    const ImageChoice choice = ChooseByHeldOutFrames(model_, target_, *observations, run_);
-    if (images_) {
-      result_.session = images_->With(*choice.model, choice.refine_target);
-      UseOptions(request_, &result_.session);
-      Write(ImageSession::kSessionName, [&] { return result_.session.text; });
-      Write(ImageSession::kTargetName, [&] { return images_->target_text(); });
-    } else {
-      result_.session.refine_target = choice.refine_target;
-      for (SessionCamera& camera : result_.session.cameras) UseModel(*choice.model, &camera);
-    }
-    UseCamerasOf(result_.session, observations);
+    return images_->With(request_.model, kAuto);
   }
 
   void SolveTarget(SessionObservations* observations) {
@@ -230,6 +226,7 @@ class CalibrationRun {
     std::vector<Finding>& findings = result_.record.findings;
     findings.insert(findings.begin(), causes.begin(), causes.end());
     findings.insert(findings.end(), held.begin(), held.end());
+    if (note_) findings.push_back(*note_);
     if (several_.empty()) {
       Diagnose(
           input,
@@ -288,8 +285,7 @@ class CalibrationRun {
   const CalibrateRequest& request_;
   const Run& run_;
   std::optional<ImageSession> images_;  // without a session
-  const CameraModel* model_ = nullptr;  // null: to be chosen
-  bool is_model_open_ = false;          // of a session in memory
+  std::optional<Finding> note_;         // what was chosen
   Target target_;
   std::vector<Target> several_;  // targets; empty: `target_` is the only one
   std::vector<IdenticalBoards> identical_boards_;

@@ -1,18 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/check_session.h"
 
+#include <algorithm>
+
+#include "assess/model_trial.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/estimate/describe.h"
 #include "calib/io/input_file.h"
-#include "engine/observe/auto_model.h"
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/session/calibration_input.h"
+#include "engine/session/open_session.h"
 #include "engine/session/session_targets.h"
 
 namespace plenocal {
+namespace {
+
+// What the session leaves open is as in the calibration that is checked.
+void UseChoiceOf(const CalibrationRecord& old, Session* session) {
+  for (SessionCamera& camera : session->cameras) {
+    const auto same = std::ranges::find(old.cameras, camera.name, &CalibratedCamera::name);
+    if (!camera.auto_model || same == old.cameras.end()) continue;
+    if (OfOneKind(*same->model, *camera.model)) UseModel(*same->model, &camera);
+  }
+  if (!session->auto_refine) return;
+  session->refine_target = !old.adjustment.value_or(AdjustmentRecord{}).marker_freedom.IsRigid();
+}
+
+}  // namespace
 
 SessionCheck CheckSession(Session session, const CheckRequest& request, const Run& run) {
   const RunScope inputs;
@@ -24,9 +41,9 @@ SessionCheck CheckSession(Session session,
                           const CheckRequest& request,
                           const Run& run) {
   const RunScope inputs;
-  session = WithUsualModels(std::move(session));
   UseOptions(request, &session);
   if (!request.map.empty()) RenameCameras(request.map, NamesOf(session.cameras), &old);
+  UseChoiceOf(old, &session);
   RefuseSeveralTargets(session, "compare --check");
   if (session.scene) {
     throw InputError(

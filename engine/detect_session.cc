@@ -6,7 +6,6 @@
 #include "calib/base/quoted_text.h"
 #include "calib/io/input_file.h"
 #include "detectors/detect.h"
-#include "engine/observe/auto_model.h"
 #include "engine/recording/frames/session_frames.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/session/session_targets.h"
@@ -18,7 +17,7 @@ DetectedSession DetectSession(const Session& session,
                               const Run& run) {
   const RunScope inputs;
   DetectedSession detected;
-  detected.session = WithUsualModels(session);
+  detected.session = session;
   UseOptions(options, &detected.session);
   const SessionTargets targets = ReadSessionTargets(detected.session);
   detected.folders =
@@ -35,7 +34,6 @@ void DetectShard(Session session,
                  const Shard& shard,
                  const Run& run) {
   const RunScope inputs;
-  session = WithUsualModels(std::move(session));
   UseOptions(options, &session);
   RefuseSeveralTargets(session, "detect --shard");
   const Target target = ReadTarget(session.target);

@@ -11,7 +11,6 @@
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "detectors/plenoptic/white/white_camera.h"
-#include "engine/observe/auto_model.h"
 #include "engine/recording/image_names.h"
 #include "engine/recording/layouts.h"
 #include "engine/recording/stores/image_lister.h"
@@ -140,15 +139,18 @@ std::string SessionText(const std::vector<InitCamera>& cameras,
           : "");
   for (const InitCamera& camera : cameras) {
     text += fmt::format("  {}:  # {} images\n", YamlText(camera.name), camera.frames.size());
-    text += camera.plenoptic ? "    model: focused-plenoptic\n"
-                               "    pixel_size:  # state it, from the data sheet: 5.5 um\n"
-                               "    # bayer: RGGB  # of single-channel raw mosaics\n"
-                             : fmt::format("    model: {}  # 'plenocal try' compares models\n",
-                                           UsualModel().name);
+    text += camera.plenoptic
+                ? "    model: focused-plenoptic\n"
+                  "    pixel_size:  # state it, from the data sheet: 5.5 um\n"
+                  "    # bayer: RGGB  # of single-channel raw mosaics\n"
+                : "    model: auto  # chosen by held-out frames, as 'plenocal try' does\n";
     text += fmt::format("    images: {}\n", PathsYaml(camera.images, folder));
     if (camera.white.empty()) continue;
     text += fmt::format(
         "    white_images: {}  # {} images\n", PathsYaml(camera.white, folder), camera.white_count);
+  }
+  if (std::ranges::none_of(cameras, &InitCamera::plenoptic)) {
+    text += "options:\n  refine_target: auto  # the same, of a rigid target and one that is bent\n";
   }
   return text +
          "# exclude:  # what is not to be used, with the reason\n"

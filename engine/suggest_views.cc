@@ -120,7 +120,8 @@ SuggestedViews BasisOfSession(Session session, const SuggestRequest& request, co
                      session.path.string());
   }
   const Target target = ReadTarget(session.target);
-  const SessionObservations observations = CollectObservations(session, target, run, {});
+  SessionObservations observations = CollectObservations(session, target, run, {});
+  (void)ChooseByHeldOutFrames(target, run, &session, &observations);
   const CalibrationInput input =
       MakeInputOnEarlier(session, target, observations.cameras, run).input;
   try {
@@ -216,7 +217,7 @@ SuggestedViews SuggestViews(const SuggestRequest& request, const Run& run) {
 SuggestedViews SuggestViews(const Session& session, const SuggestRequest& request, const Run& run) {
   const RunScope inputs;
   CheckNumbers(request);
-  return ChooseViews(BasisOfSession(WithUsualModels(session), request, run), request, run);
+  return ChooseViews(BasisOfSession(session, request, run), request, run);
 }
 
 SuggestedViews SuggestViews(const CalibrationRecord& calibration,

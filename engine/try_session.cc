@@ -12,7 +12,6 @@
 #include "calib/estimate/describe.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
-#include "engine/observe/auto_model.h"
 #include "engine/observe/session_observations.h"
 #include "engine/session/calibration_input.h"
 #include "engine/session/open_session.h"
@@ -96,7 +95,7 @@ std::string HeldOutYaml(const ModelTrial& trial) {
 std::string ModelYaml(const TrialRow& row) {
   const ModelTrial& trial = *row.trial;
   std::vector<std::string> undetermined;
-  for (const std::string& name : row.undetermined) undetermined.push_back(YamlText(name));
+  for (const std::string& name : trial.undetermined) undetermined.push_back(YamlText(name));
   std::string text = fmt::format("  {}:\n", trial.model->name);
   if (!trial.failure.empty()) {
     return text + fmt::format("    failure: {}\n", YamlQuoted(trial.failure));
@@ -180,7 +179,7 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
   const RunScope inputs;
   SessionTrial trial;
   RequireWithin("folds", request.folds, 2, 1000);
-  trial.session = WithUsualModels(given);
+  trial.session = given;
   const Session& session = trial.session;
   RefuseSeveralTargets(session, "try");
   const auto provenance = ProvenanceOf(request.command, session, request.out);
@@ -194,17 +193,21 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
       CollectObservations(session, target, run, {trial.folders->cache(), nullptr});
   WarnOfSettings(session, varied, run);
   const CalibrationInput input = MakeCalibrationInput(session, target, observations.cameras, run);
-  trial.marker_freedom = input.marker_freedom;
   const TrialOptions options{
       .folds = request.folds, .threads = run.threads, .progress = [&](const std::string& stage) {
         return run.Progress(stage);
       }};
-  trial.models = TryModels(input, varied, models, options);
-  trial.targets =
-      TryTargets(WithModel(input, varied, *trial.models.trials[trial.models.recommended].model),
-                 varied,
-                 RefinedMarkerFreedom(target),
-                 options);
+  const bool is_open = session.auto_refine && !target.tolerance;
+  ModelAndTarget tried =
+      TryModelsAndTarget(input,
+                         varied,
+                         models,
+                         RefinedMarkerFreedom(target),
+                         is_open ? TargetQuestion::kChoose : TargetQuestion::kJudge,
+                         options);
+  trial.models = std::move(tried.models);
+  trial.targets = std::move(tried.targets);
+  trial.marker_freedom = trial.models.trials[trial.models.recommended].marker_freedom;
   trial.rows = MakeRows(trial.models);
   if (OutputFolder* const out = trial.folders->out()) {
     WriteTrial(trial, provenance, out);

@@ -6,6 +6,7 @@
 #include <charconv>
 
 #include "calib/base/format_error.h"
+#include "engine/session/open_session.h"
 
 namespace plenocal {
 
@@ -23,10 +24,6 @@ void AddCalibration(CLI::App* app, std::filesystem::path* calibration) {
 
 void AddRecording(CLI::App* app, std::filesystem::path* recording) {
   app->add_option("recording", *recording, "recording.yaml, or a folder")->required();
-}
-
-void AddSession(CLI::App* app, std::filesystem::path* session) {
-  app->add_option("session", *session, "session.yaml: cameras, images, target")->required();
 }
 
 void AddThreads(CLI::App* app, ConsoleOptions* shared) {
@@ -96,7 +93,7 @@ void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs) {
   AddBayer(app, &inputs->bayer, "colours of the top-left 2 x 2 pixels of raw mosaics");
 }
 
-void AddImageArguments(CLI::App* app, ImageArguments* images, std::string* model) {
+void AddImageArguments(CLI::App* app, ImageArguments* images) {
   app->add_option(
       "--target",
       images->target,
@@ -109,11 +106,36 @@ void AddImageArguments(CLI::App* app, ImageArguments* images, std::string* model
   app->add_option("--camera", images->cameras, "NAME=GLOB: images of a camera; several are a rig")
       ->expected(1)
       ->take_all();
-  app->add_option("--model",
-                  *model,
-                  "of images: camera model; auto: the simplest common one that predicts held-out "
-                  "frames as well as any")
-      ->capture_default_str();
+}
+
+void AddInputs(CLI::App* app, ImageArguments* inputs) {
+  app->add_option(
+      "input",
+      inputs->images,
+      "session.yaml; or images of a camera: a glob in quotation marks, files or a folder");
+  AddImageArguments(app, inputs);
+}
+
+std::string SessionFileOf(const ImageArguments& inputs, const char* command) {
+  if (inputs.images.empty() && inputs.cameras.empty()) {
+    throw InputError(
+        "{}: {}",
+        command,
+        inputs.right.empty()
+            ? "give session.yaml, or images (a glob, files or a folder) with --target"
+            : "--right takes all that follows; give the first camera's images before it");
+  }
+  if (!NamesSession(inputs.images)) return {};
+  const std::string& session = inputs.images[0];
+  if (inputs.right.empty() && inputs.cameras.empty() && inputs.target.empty()) return session;
+  throw InputError(
+      "{}: a session has cameras and target itself; --target, --right and --camera go with images",
+      session);
+}
+
+Session OpenInputs(const ImageArguments& inputs, const char* command, const Run& run) {
+  const std::string session = SessionFileOf(inputs, command);
+  return session.empty() ? ImageSession(inputs, {}, run).With(kAuto, kAuto) : OpenSession(session);
 }
 
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared) {

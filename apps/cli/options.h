@@ -46,8 +46,6 @@ void AddJson(CLI::App* app, bool* json);
 void AddCalibration(CLI::App* app, std::filesystem::path* calibration);
 /// Declares the argument `recording`.
 void AddRecording(CLI::App* app, std::filesystem::path* recording);
-/// Declares the argument `session`.
-void AddSession(CLI::App* app, std::filesystem::path* session);
 /// Declares `--threads`.
 void AddThreads(CLI::App* app, ConsoleOptions* shared);
 /// Declares `--quiet`.
@@ -62,8 +60,15 @@ void AddBayer(CLI::App* app, std::optional<BayerOrder>* bayer, const std::string
 void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::string& help);
 /// Declares `--white`, `--grid`, `--vignetting` and `--bayer`.
 void AddPlenopticInputs(CLI::App* app, PlenopticInputs* inputs);
-/// Declares `--target`, `--right`, `--camera` and `--model`, which stand for a session file.
-void AddImageArguments(CLI::App* app, ImageArguments* images, std::string* model);
+/// Declares `--target`, `--right` and `--camera`, which stand for a session file.
+void AddImageArguments(CLI::App* app, ImageArguments* images);
+/// Declares these and the argument `input`: a session file, or the images of a camera.
+void AddInputs(CLI::App* app, ImageArguments* inputs);
+/// The session file that inputs name; empty: they name images. Throws `Error` of kind kInput, which
+/// begins with `command`, where they name nothing, or a session and more.
+std::string SessionFileOf(const ImageArguments& inputs, const char* command);
+/// The session that inputs name; of images all is open that `auto` may choose.
+Session OpenInputs(const ImageArguments& inputs, const char* command, const Run& run);
 /// Declares `--out`, `--threads`, `--quiet`, `--events`, `--exclude`, `--cache`, `--keep` and
 /// `--fresh`.
 void AddResultOptions(CLI::App* app, SessionOptions* options, ConsoleOptions* shared);

@@ -31,7 +31,7 @@ Json RowJson(const TrialRow& row) {
                {"why_not", row.why_not},
                {"recommended", row.recommended},
                {"judgement", row.judgement},
-               {"undetermined", row.undetermined}};
+               {"undetermined", trial.undetermined}};
   if (!row.why_not.empty()) return json;
   json.update({{"parameters", trial.free_parameters},
                {"rms", trial.rms},

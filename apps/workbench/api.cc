@@ -257,7 +257,7 @@ Json Api::CamerasJson(const Session& session) {
       for (const FrameImage& image : images_.Of(camera)) frames.push_back(image.frame);
     }
     cameras.push_back({{"name", camera.name},
-                       {"model", camera.model->name},
+                       {"model", camera.auto_model ? kAuto : camera.model->name},
                        {"plenoptic", camera.model->plenoptic},
                        {"frames", frames},
                        {"folder", PngFolder(camera)}});

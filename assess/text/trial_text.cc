@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "calib/base/number_text.h"
-#include "calib/estimate/weak_unknowns.h"
+#include "calib/files/session.h"
 
 namespace plenocal {
 namespace {
@@ -24,33 +24,25 @@ std::string JudgementText(const ModelChoice& choice, size_t m) {
   if (!trial.comparable) return {};
   if (trial.outweighed_by) {
     const std::string_view simpler = choice.trials[*trial.outweighed_by].model->name;
+    if (!trial.undetermined.empty()) {
+      return fmt::format(
+          "leaves parameters open for a gain of {:.2g} px over {}", trial.gain, simpler);
+    }
     if (!(trial.gain > 0)) return fmt::format("sigma grows without a gain over {}", simpler);
     return fmt::format(
         "sigma grows by more than its gain of {:.2g} px over {}", trial.gain, simpler);
   }
   if (m == choice.reference) return "best";
   if (trial.practically_equal) return "practically equal to the best";
-  return trial.probability < kSignificant ? "worse than the best" : "not distinguishable";
+  return trial.worse ? "worse than the best" : "not distinguishable";
 }
 
 TrialRow MakeRow(const ModelChoice& choice, size_t m) {
   const ModelTrial& trial = choice.trials[m];
-  TrialRow row{.trial = &trial,
-               .undetermined = {},
-               .recommended = m == choice.recommended,
-               .judgement = JudgementText(choice, m),
-               .why_not = WhyNotComparable(trial)};
-  if (!trial.failure.empty()) return row;
-  for (const WeakUnknowns& weak :
-       FindWeakUnknowns(trial.calibration.bundle, trial.calibration.uncertainty)) {
-    if (!weak.open) continue;
-    for (const std::string& name : weak.names) {
-      if (std::ranges::find(row.undetermined, name) == row.undetermined.end()) {
-        row.undetermined.push_back(name);
-      }
-    }
-  }
-  return row;
+  return {.trial = &trial,
+          .recommended = m == choice.recommended,
+          .judgement = JudgementText(choice, m),
+          .why_not = WhyNotComparable(trial)};
 }
 
 // The difference of the recommended from the reference, beside what it is compared with.
@@ -70,7 +62,7 @@ std::string ReasonOfReference(const ModelChoice& choice) {
   for (const ModelTrial& trial : choice.trials) {
     if (!trial.comparable || trial.free_parameters >= recommended.free_parameters) continue;
     any_simpler = true;
-    any_good |= trial.practically_equal || trial.probability >= kSignificant;
+    any_good |= trial.practically_equal || !trial.worse;
   }
   return fmt::format("{}; {}",
                      choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
@@ -86,9 +78,12 @@ std::string Reason(const ModelChoice& choice) {
     return "the only model that images what the camera sees";
   }
   if (choice.recommended == choice.reference) return ReasonOfReference(choice);
+  const bool is_usual = recommended.model->name == kUsualModel;
   return fmt::format(
-      "the simplest {}model that is {} the best, {} ({})",
-      recommended.model->usage == Usage::kCommon ? "common " : "",
+      "{} that is {} the best, {} ({})",
+      is_usual                                     ? "OpenCV's five coefficients, a model"
+      : recommended.model->usage == Usage::kCommon ? "the simplest common model"
+                                                   : "the simplest model",
       recommended.practically_equal ? "practically equal to" : "not significantly worse than",
       choice.trials[choice.reference].model->name,
       DifferenceText(choice));
@@ -200,8 +195,8 @@ std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& r
                         PixelText(trial.image_sigma),
                         trial.seconds,
                         row.judgement);
-    if (row.undetermined.empty()) continue;
-    text += fmt::format("    not determined: {}\n", fmt::join(row.undetermined, " "));
+    if (trial.undetermined.empty()) continue;
+    text += fmt::format("    not determined: {}\n", fmt::join(trial.undetermined, " "));
   }
   return text;
 }
@@ -230,7 +225,7 @@ std::string TrialCsv(const std::vector<TrialRow>& rows) {
                         trial.unseen,
                         row.recommended ? 1 : 0,
                         QuotedField(row.judgement),
-                        fmt::join(row.undetermined, " "));
+                        fmt::join(trial.undetermined, " "));
   }
   return text;
 }

@@ -14,7 +14,6 @@ namespace plenocal {
 /// One model in the tables and on the page.
 struct TrialRow {
   const ModelTrial* trial = nullptr;
-  std::vector<std::string> undetermined;  ///< names of parameters
   bool recommended = false;
   std::string judgement;  ///< in comparison with the best model; empty when it has no score
   std::string why_not;    ///< why it has no score; empty when it has one

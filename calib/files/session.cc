@@ -25,10 +25,20 @@ size_t IndexOfParam(const CameraModel& model, const std::string& name, const Yam
   node.Fail(fmt::format("'{}' is no parameter of model {}{}", name, model.name, nearest));
 }
 
+// Keys about the parameters of a model.
+constexpr const char* kModelKeys = "initial fixed prior bounds equal shared prior_from free from";
+
+void RefuseModelKeys(const YamlNode& node) {
+  for (const std::string_view key : Words(kModelKeys)) {
+    const auto value = node.Find(key);
+    if (value) value->Fail("is about one camera model; state it in place of 'model: auto'");
+  }
+}
+
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
-  std::vector<std::string_view> known = Words(
-      "model images topic white_images detections times image_size bayer initial fixed prior "
-      "bounds equal shared prior_from free from");
+  std::vector<std::string_view> known =
+      Words("model images topic white_images detections times image_size bayer");
+  for (const std::string_view key : Words(kModelKeys)) known.push_back(key);
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
@@ -97,9 +107,12 @@ SessionCamera ReadCamera(const std::string& name,
   camera.name = name;
   CheckCameraName(name, node);
   if (!node.Has("model")) RequireCameraKeys(node, nullptr);
-  camera.model = ReadModel(node.At("model"), models);
+  camera.auto_model = node.At("model").AsString() == kAuto;
+  camera.model =
+      camera.auto_model ? FindModel(models, kUsualModel) : ReadModel(node.At("model"), models);
   const CameraModel& model = *camera.model;
   CheckCameraKeys(node, model);
+  if (camera.auto_model) RefuseModelKeys(node);
   RequireCameraKeys(node, &model);
 
   if (node.Has("images") == node.Has("detections")) {
@@ -251,6 +264,9 @@ void ReadShared(const YamlNode& node, size_t c, std::vector<SessionCamera>* came
                              SuggestName(other, others)));
     }
     const auto place = static_cast<size_t>(found - names.begin());
+    if ((*cameras)[place].auto_model) {
+      value.Fail(fmt::format("the model of '{}' is auto; state it", other));
+    }
     Tie(value, {c, k}, {place, IndexOfParam(*(*cameras)[place].model, name, value)}, cameras);
   }
 }
@@ -408,7 +424,10 @@ void ReadOptions(const YamlNode& options, Session* session) {
       session->frames = static_cast<size_t>(most);
     }
   }
-  if (options.Has("refine_target")) session->refine_target = options.At("refine_target").AsBool();
+  if (const auto refine = options.Find("refine_target")) {
+    session->auto_refine = refine->IsScalar() && refine->AsString() == kAuto;
+    if (!session->auto_refine) session->refine_target = refine->AsBool();
+  }
   if (!options.Has("loss")) return;
   static constexpr std::array<std::string_view, 3> kNames{"huber", "cauchy", "none"};
   static constexpr std::array kLosses{Loss::kHuber, Loss::kCauchy, Loss::kNone};
@@ -440,6 +459,26 @@ void ReadTargetOrScene(const YamlNode& root, const std::filesystem::path& path, 
   } else {
     session->target = ReadTargetSource(root.At("target"), path);
   }
+}
+
+// A choice by held-out frames needs one target, and no earlier calibration.
+void CheckAuto(const YamlNode& root, const Session& session) {
+  const char* const without = session.scene                ? "'scene'"
+                              : !session.targets.empty()   ? "several 'targets'"
+                              : !session.from.path.empty() ? "'from'"
+                                                           : nullptr;
+  if (without == nullptr) return;
+  for (const SessionCamera& camera : session.cameras) {
+    if (!camera.auto_model) continue;
+    root.At("cameras")
+        .At(camera.name)
+        .At("model")
+        .Fail(fmt::format("state a model; with {} none is chosen", without));
+  }
+  if (!session.auto_refine) return;
+  root.At("options")
+      .At("refine_target")
+      .Fail(fmt::format("state true or false; with {} none is chosen", without));
 }
 
 // `extrinsics_only` needs the parameters of every camera.
@@ -484,6 +523,7 @@ Session ReadRoot(const YamlNode& root,
     root.At("targets").At(target.name).Fail("is the name of a camera too; rename one of them");
   }
   if (root.Has("options")) ReadOptions(root.At("options"), &session);
+  CheckAuto(root, session);
   if (root.Has("pairing")) session.pairing = ReadPairing(root.At("pairing"));
   if (const auto rules = root.Find("exclude")) {
     for (const YamlNode& rule : rules->Elements()) {

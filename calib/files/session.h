@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -22,6 +23,11 @@
 
 namespace plenocal {
 
+/// The model of a camera with `model: auto` until one is chosen.
+inline constexpr std::string_view kUsualModel = "pinhole-radtan";
+/// The value of keys that leave a choice to the program.
+inline constexpr std::string_view kAuto = "auto";
+
 /// The file of an earlier calibration.
 struct EarlierFile {
   std::filesystem::path path;  ///< empty: none
@@ -33,6 +39,7 @@ struct EarlierFile {
 struct SessionCamera {
   std::string name;
   const CameraModel* model = nullptr;
+  bool auto_model = false;  ///< to be chosen by held-out frames; until then `model` is a usual one
   std::vector<std::string> images;        ///< globs, folders and files; empty when there are none
   std::vector<std::string> white_images;  ///< likewise
   std::optional<BayerOrder> bayer;        ///< of raw mosaics
@@ -92,6 +99,7 @@ struct Session {
   std::vector<SessionCamera> cameras;  ///< the first is the rig's master
   /// Not set: marker positions are refined when the target has a tolerance.
   std::optional<bool> refine_target;
+  bool auto_refine = false;  ///< `refine_target` is to be chosen by held-out frames
   Loss loss = Loss::kHuber;
   std::vector<ExcludeRule> exclude;
   Pairing pairing;

@@ -71,7 +71,7 @@ ImageSession::ImageSession(const ImageArguments& arguments, const fs::path& out,
   target_text_ = source_.Text();
 }
 
-std::string ImageSession::Text(const CameraModel& model, std::optional<bool> refine_target) const {
+std::string ImageSession::Text(std::string_view model, std::string_view refine_target) const {
   std::string text = fmt::format(
       "{}; the next run with images replaces it.\n"
       "# Copy it before you change it. All keys: docs/formats.md\n"
@@ -84,16 +84,14 @@ std::string ImageSession::Text(const CameraModel& model, std::optional<bool> ref
   for (const Camera& camera : cameras_) {
     text += fmt::format("  {}:\n    model: {}\n    images: {}\n",
                         YamlText(camera.name),
-                        model.name,
+                        model,
                         PathsYaml(camera.images, out_));
   }
-  if (refine_target) {
-    text += fmt::format("options:\n  refine_target: {}\n", *refine_target);
-  }
+  if (!refine_target.empty()) text += fmt::format("options:\n  refine_target: {}\n", refine_target);
   return text;
 }
 
-Session ImageSession::With(const CameraModel& model, std::optional<bool> refine_target) const {
+Session ImageSession::With(std::string_view model, std::string_view refine_target) const {
   Session session = ParseSession(Text(model, refine_target), out_ / kSessionName, CameraModels());
   // The files are not there yet; and paths as the user wrote them make better messages.
   session.target = source_;

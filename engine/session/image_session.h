@@ -4,8 +4,8 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/base/run.h"
@@ -29,9 +29,9 @@ class ImageSession {
   /// looked at; then the message proposes one.
   ImageSession(const ImageArguments& arguments, const std::filesystem::path& out, const Run& run);
 
-  /// The session with one model for all cameras. `refine_target`: the session's option of
-  /// that name; empty: the option is left out.
-  [[nodiscard]] Session With(const CameraModel& model, std::optional<bool> refine_target) const;
+  /// The session with one `model` for all cameras and a value of `refine_target`; empty: the option
+  /// is left out.
+  [[nodiscard]] Session With(std::string_view model, std::string_view refine_target) const;
   [[nodiscard]] const Target& target() const { return target_; }
   /// The target file that the session names.
   [[nodiscard]] const std::string& target_text() const { return target_text_; }
@@ -44,7 +44,7 @@ class ImageSession {
     std::string name;
     std::vector<std::string> images;  ///< globs, files or a folder, as the user gave them
   };
-  [[nodiscard]] std::string Text(const CameraModel& model, std::optional<bool> refine_target) const;
+  [[nodiscard]] std::string Text(std::string_view model, std::string_view refine_target) const;
 
   std::vector<Camera> cameras_;
   std::filesystem::path out_;

@@ -114,7 +114,9 @@ Session SessionInMemory(const std::string& target, const std::vector<MemoryCamer
     own.given_images = ImagesInMemory(camera.name, camera.images);
     own.given_views = camera.views;
     own.image_size = camera.image_size;
-    if (camera.model != nullptr) UseModel(*camera.model, &own);
+    UseModel(camera.model != nullptr ? *camera.model : UsualModel(), &own);
+    own.auto_model = camera.model == nullptr;
+    session.auto_refine |= own.auto_model;
   }
   if (session.cameras.empty()) throw InputError("no camera is given");
   return session;

@@ -50,8 +50,11 @@ const CameraModel* ModelNamed(const std::string& option, const std::string& name
       "{} {}: unknown camera model{}", option, name, SuggestName(name, NamesOf(CameraModels())));
 }
 
+const CameraModel& UsualModel() { return *FindModel(CameraModels(), kUsualModel); }
+
 void UseModel(const CameraModel& model, SessionCamera* camera) {
   camera->model = &model;
+  camera->auto_model = false;
   camera->initial.assign(model.params.size(), std::nullopt);
   camera->fixed.assign(model.params.size(), false);
 }

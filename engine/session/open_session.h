@@ -23,6 +23,9 @@ bool NamesSession(const std::vector<std::string>& inputs);
 /// with the nearest name.
 const CameraModel* ModelNamed(const std::string& option, const std::string& name);
 
+/// The model with which images are detected, and calibrated when they are too few for a choice.
+const CameraModel& UsualModel();
+
 /// Gives a camera a model, without initial values.
 void UseModel(const CameraModel& model, SessionCamera* camera);
 

@@ -105,6 +105,47 @@ TEST(TryModels, PreferTheCommonModelOfTwoThatAreEqual) {
             TrialOf(choice, "pinhole-radial3").free_parameters);
 }
 
+TEST(TryModels, PreferOpenCvsFiveCoefficientsUnlessOthersPredictBetter) {
+  for (const bool distorted : {false, true}) {
+    const SyntheticProblem problem =
+        MakeProblem(7, {.frames = 12, .noise = kNoise, .distorted = distorted});
+    const ModelChoice choice = TryModels(
+        problem.input, {0}, Models({"pinhole-radial3", "pinhole-radtan", "kannala-brandt4"}), {});
+    EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole-radtan");
+  }
+}
+
+TEST(TryModels, LeaveNoParameterOpenForNothing) {
+  // Terms of high order that few noisy images leave open; the projection's sigma is no larger.
+  const SyntheticProblem problem = MakeProblem(3, {.frames = 6, .noise = 3 * kNoise});
+  const ModelChoice choice =
+      TryModels(problem.input, {0}, Models({"pinhole-radial3", "kannala-brandt4"}), {});
+  EXPECT_EQ(choice.trials[choice.recommended].model->name, "pinhole-radial3");
+  const ModelTrial& open = TrialOf(choice, "kannala-brandt4");
+  EXPECT_FALSE(open.undetermined.empty());
+  EXPECT_LT(open.sigma, TrialOf(choice, "pinhole-radial3").sigma);
+  EXPECT_TRUE(open.outweighed_by);
+}
+
+TEST(TryModelsAndTarget, ChooseTheTargetBeforeTheLastTrialOfTheModels) {
+  constexpr double kTolerance = 1e-3;  // m
+  for (const double bent : {0.0, kTolerance}) {
+    SyntheticProblem problem =
+        MakeProblem(8, {.frames = 16, .noise = kNoise, .marker_tolerance = bent});
+    problem.input.marker_freedom = MarkerFreedom::Rigid();
+    const ModelAndTarget tried = TryModelsAndTarget(problem.input,
+                                                    {0},
+                                                    Models({"pinhole-radial3", "ucm"}),
+                                                    MarkerFreedom::FromSigma(kTolerance),
+                                                    TargetQuestion::kChoose,
+                                                    {});
+    EXPECT_EQ(tried.targets.trials[tried.targets.recommended].marker_freedom.Sigma(), bent);
+    ASSERT_EQ(tried.models.trials.size(), 2U);
+    EXPECT_EQ(tried.models.trials[0].marker_freedom.Sigma(), bent);
+    EXPECT_EQ(tried.models.trials[tried.models.recommended].model->name, "pinhole-radial3");
+  }
+}
+
 TEST(TryModels, MeasureTheDifferenceToTheReferenceInPixels) {
   const SyntheticProblem problem = MakeProblem(5, {.frames = 16, .noise = kNoise});
   const ModelChoice choice =

@@ -17,10 +17,9 @@ namespace plenocal {
 namespace {
 
 struct CalibrateArguments : CalibrateRequest {
-  std::vector<std::string> inputs;  ///< session.yaml, or the images of one camera
-  bool report = true;               ///< write report.html
-  bool json = false;                ///< the result on standard output as JSON
-  std::string require;              ///< name of the lowest grade that is no failure; empty: any
+  bool report = true;   ///< write report.html
+  bool json = false;    ///< the result on standard output as JSON
+  std::string require;  ///< name of the lowest grade that is no failure; empty: any
 };
 
 void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdict) {
@@ -35,34 +34,15 @@ void CheckRequirement(const CalibrateArguments& arguments, const Verdict& verdic
                   verdict.findings.front().what));
 }
 
-// The session file that the arguments name; empty when they name images.
-std::string SessionFile(const CalibrateArguments& arguments) {
-  const ImageArguments& images = arguments.images;
-  if (arguments.inputs.empty() && images.cameras.empty()) {
-    throw Error(ErrorKind::kInput,
-                images.right.empty()
-                    ? "calibrate: give session.yaml, or images (a glob, files or a folder) with "
-                      "--target"
-                    : "calibrate: --right takes all that follows; give the first camera's images "
-                      "before it");
-  }
-  if (!NamesSession(arguments.inputs)) return {};
-  const std::string& session = arguments.inputs[0];
-  if (images.right.empty() && images.cameras.empty() && images.target.empty() &&
-      arguments.model == "auto") {
-    return session;
-  }
-  throw InputError(
-      "{}: a session has cameras, target and model itself; --target, --right, "
-      "--camera and --model go with images",
-      session);
-}
-
 void RunCalibrate(CalibrateArguments arguments, Console* console) {
-  const std::string session = SessionFile(arguments);
-  if (!session.empty()) arguments.session = OpenSession(session);
+  const std::string session = SessionFileOf(arguments.images, "calibrate");
+  if (!session.empty()) {
+    if (arguments.model != kAuto) {
+      throw InputError("{}: a session has its models itself; --model goes with images", session);
+    }
+    arguments.session = OpenSession(session);
+  }
   arguments.command = console->Options().program + " calibrate";
-  arguments.images.images = arguments.inputs;
   const Run run = console->NewRun();
   SessionCalibration result = CalibrateSession(arguments, run);
   if (arguments.report) AddReport(arguments.out, run, &result);
@@ -87,11 +67,11 @@ constexpr const char* kCalibrateHelp =
     "writes OUT/calibration.yaml, target.yaml (points.csv and points.ply of a session with a scene in place of a target), poses.csv, view_poses.csv (of a rig), residuals.csv, correlations.csv, detections_<camera>.csv, left_out.csv and report.html, and prints a summary. From images it writes OUT/session.yaml and nominal_target.yaml as well, from which the next step can start.";
 
 void DeclareCalibrate(CLI::App* app, CalibrateArguments* arguments, ConsoleOptions* shared) {
-  app->add_option(
-      "input",
-      arguments->inputs,
-      "session.yaml; or images of a camera: a glob in quotation marks, files or a folder");
-  AddImageArguments(app, &arguments->images, &arguments->model);
+  AddInputs(app, &arguments->images);
+  app->add_option("--model",
+                  arguments->model,
+                  "of images: camera model; auto: as 'plenocal try' recommends it")
+      ->capture_default_str();
   AddResultOptions(app, arguments, shared);
   app->add_flag("--jackknife",
                 arguments->jackknife,

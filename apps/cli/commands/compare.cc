@@ -9,22 +9,22 @@
 #include "calib/base/json_text.h"
 #include "engine/check_session.h"
 #include "engine/json/calibration_json.h"
-#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
 
 /// Two calibrations, attenuations or ground truths; or one calibration and new images.
 struct CompareArguments : CheckRequest {
-  std::filesystem::path other;    ///< empty: there are new images
-  std::filesystem::path session;  ///< session.yaml of the new images; empty: none
-  bool json = false;              ///< new images: JSON on standard output
+  std::filesystem::path other;  ///< empty: there are new images
+  ImageArguments inputs;        ///< new images, or their session.yaml
+  bool json = false;            ///< new images: JSON on standard output
 };
 
 /// The verdict on a calibration with new images; throws `Error` when it does not hold any more.
 void CheckWithNewImages(const CompareArguments& arguments, Console* console) {
+  const Run run = console->NewRun();
   const SessionCheck result =
-      CheckSession(OpenSession(arguments.session), arguments, console->NewRun());
+      CheckSession(OpenInputs(arguments.inputs, "compare --check", run), arguments, run);
   const std::string json = JsonText(CheckJson(result.check)) + "\n";
   if (OutputFolder* const out = result.folders->out()) {
     out->Write("check.json", json);
@@ -34,17 +34,19 @@ void CheckWithNewImages(const CompareArguments& arguments, Console* console) {
   fmt::print("{}", arguments.json ? json : WithColours(CheckText(result.check)));
   if (result.check.valid) return;
   std::fflush(stdout);
-  throw JobError("{} does not hold for the images of {} any more; calibrate again",
-                 arguments.calibration.string(),
-                 arguments.session.string());
+  throw JobError(
+      "{} does not hold for the images of {} any more; calibrate again",
+      arguments.calibration.string(),
+      arguments.inputs.images.empty() ? arguments.inputs.cameras[0] : arguments.inputs.images[0]);
 }
 
 void RunCompare(const CompareArguments& arguments, Console* console) {
-  if (arguments.other.empty() == arguments.session.empty()) {
+  const bool is_check = !arguments.inputs.images.empty() || !arguments.inputs.cameras.empty();
+  if (arguments.other.empty() != is_check) {
     throw InputError(
         "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
   }
-  if (!arguments.session.empty()) return CheckWithNewImages(arguments, console);
+  if (is_check) return CheckWithNewImages(arguments, console);
   if (arguments.json) {
     throw InputError("--json goes with --check; of two calibrations -o OUT writes compare.csv");
   }
@@ -63,6 +65,7 @@ constexpr const char* kCompareHelp =
     "\n"
     "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
     "  plenocal compare A/calibration.yaml --check session.yaml\n"
+    "  plenocal compare A/calibration.yaml --check 'new/*.jpg' --target chessboard:9x6:25mm\n"
     "  plenocal compare A/vignetting_left.tiff B/vignetting_left.tiff\n"
     "  plenocal compare A/groundtruth.yaml B/groundtruth.yaml\n"
     "\n"
@@ -75,9 +78,12 @@ void DeclareCompare(CLI::App* app, CompareArguments* arguments, ConsoleOptions* 
       ->required();
   app->add_option("b", arguments->other, "another, of any models");
   app->add_option(
-      "--check",
-      arguments->session,
-      "instead of another: session.yaml with new images of the same cameras. Does the calibration still hold for them (only poses free)? Exit status 1: no");
+         "--check",
+         arguments->inputs.images,
+         "instead of another: session.yaml with new images of the same cameras, or these images with --target. Does the calibration still hold for them (only poses free)? Exit status 1: no")
+      ->expected(1)
+      ->take_all();
+  AddImageArguments(app, &arguments->inputs);
   app->add_option(
       "-o,--out",
       arguments->out,

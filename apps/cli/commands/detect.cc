@@ -9,13 +9,12 @@
 #include "calib/files/detections.h"
 #include "engine/detect_session.h"
 #include "engine/session/calibration_input.h"
-#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
 
 struct DetectArguments : SessionOptions {
-  std::filesystem::path session;
+  ImageArguments inputs;
   std::string shard;  ///< "1/4"; empty: all images
 };
 
@@ -32,12 +31,13 @@ Shard ParseShard(const std::string& text) {
 }
 
 void RunDetect(const DetectArguments& options, Console* console) {
-  const Session session = OpenSession(options.session);
+  const Run run = console->NewRun();
+  const Session session = OpenInputs(options.inputs, "detect", run);
   if (!options.shard.empty()) {
-    DetectShard(session, options, ParseShard(options.shard), console->NewRun());
+    DetectShard(session, options, ParseShard(options.shard), run);
     return console->PrintWritten(options.out / "shard.csv");
   }
-  const DetectedSession detected = DetectSession(session, options, console->NewRun());
+  const DetectedSession detected = DetectSession(session, options, run);
   detected.folders->Commit();
   for (const CameraInput& camera : detected.observations.cameras) {
     console->Print(fmt::format("{}: {}, {} -> {}\n",
@@ -49,7 +49,7 @@ void RunDetect(const DetectArguments& options, Console* console) {
 }
 
 void DeclareDetect(CLI::App* app, DetectArguments* options, ConsoleOptions* shared) {
-  AddSession(app, &options->session);
+  AddInputs(app, &options->inputs);
   AddResultOptions(app, options, shared);
   app->add_option(
          "--shard",

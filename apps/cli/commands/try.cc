@@ -3,19 +3,25 @@
 
 #include "apps/cli/options.h"
 #include "apps/report/trial_page.h"
-#include "engine/session/open_session.h"
 #include "engine/try_session.h"
 
 namespace plenocal {
 namespace {
 
 struct TryArguments : TryRequest {
-  std::filesystem::path session;
+  ImageArguments inputs;
 };
 
 void RunTry(TryArguments request, Console* console) {
   request.command = console->Options().program + " try";
-  const SessionTrial trial = TrySession(OpenSession(request.session), request, console->NewRun());
+  // NAME alone.
+  std::erase_if(request.inputs.cameras, [&](const std::string& camera) {
+    const bool is_name = camera.find('=') == std::string::npos;
+    if (is_name) request.camera = camera;
+    return is_name;
+  });
+  const Run run = console->NewRun();
+  const SessionTrial trial = TrySession(OpenInputs(request.inputs, "try", run), request, run);
   trial.folders->out()->Write("try.html", TrialPage(trial));
   trial.folders->Commit();
   console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
@@ -29,18 +35,20 @@ constexpr const char* kTryHelp =
     "Which camera model fits best: the cameras are calibrated with each model, which is judged by frames that were held out; the target likewise, held rigid and refined.\n"
     "\n"
     "  plenocal try session.yaml --models A,B,C -o OUT\n"
+    "  plenocal try 'images/*.jpg' --target chessboard:9x6:25mm -o OUT\n"
     "\n"
     "writes OUT/try.csv, try.yaml, try.html and models/<model>/calibration.yaml.";
 
 void DeclareTry(CLI::App* app, TryArguments* arguments, ConsoleOptions* shared) {
-  AddSession(app, &arguments->session);
+  AddInputs(app, &arguments->inputs);
   app->add_option("--models",
                   arguments->models,
                   "camera models, separated by commas (default: all of the cameras' kind)")
       ->delimiter(',');
-  app->add_option("--camera",
-                  arguments->camera,
-                  "of a rig: whose model is varied (default: all ordinary cameras)");
+  app->get_option("--camera")
+      ->description(
+          "NAME=GLOB: images of a camera; NAME alone: of a rig, whose model is varied (default: all "
+          "ordinary cameras)");
   app->add_option("--folds", arguments->folds, "parts of the frames that are held out in turn")
       ->check(CLI::Range(2, 1000))
       ->capture_default_str();

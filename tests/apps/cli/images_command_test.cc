@@ -4,6 +4,8 @@
 // session may hold beside paths.
 #include <fmt/format.h>
 
+#include <regex>
+
 #include "tests/apps/chessboard_images.h"
 
 namespace plenocal::testing {
@@ -38,7 +40,7 @@ TEST_F(OneCommand, CalibratesImagesOfAGlob) {
   const Outcome outcome =
       Run({"calibrate", "images/*.png", "--target", kWord, "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.err, AllOf(HasSubstr("model: "), HasSubstr("target: ")));
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Camera model: "), HasSubstr("Target: ")));
   const YAML::Node camera = Result()["cameras"]["cam"];
   EXPECT_NEAR(camera["parameters"]["f_x"].as<double>(), kFocal, 5);
   EXPECT_THAT(Read("out/session.yaml"), HasSubstr("images: ../images/*.png"));
@@ -110,7 +112,47 @@ TEST_F(OneCommand, UsesAPlainModelForFewFrames) {
   const Outcome outcome =
       Run({"calibrate", "images", "--target", kWord, "-o", "out", "--no-report"});
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("3 frames are too few to choose by: pinhole-radtan is used"));
+  EXPECT_THAT(
+      outcome.out,
+      HasSubstr("3 frames are too few to choose by: camera model pinhole-radtan and a rigid "
+                "target taken"));
+}
+
+TEST_F(OneCommand, CalibratesABoardOfUnknownSizeInSquares) {
+  SaveViews("images/{:02}.png");
+  const auto calibrate = [&](const std::string& word) {
+    const Outcome outcome =
+        Run({"calibrate", "images", "--target", word, "-o", "out", "--no-report"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome.out;
+  };
+  EXPECT_THAT(calibrate(kWord), Not(HasSubstr("unknown")));
+  const YAML::Node known = Result();
+  EXPECT_THAT(calibrate("chessboard:8x5:unknown"),
+              HasSubstr("All lengths are in units of the target's 'square', which is unknown"));
+  const YAML::Node unknown = Result();
+  EXPECT_NEAR(known["cameras"]["cam"]["parameters"]["f_x"].as<double>(),
+              unknown["cameras"]["cam"]["parameters"]["f_x"].as<double>(),
+              1e-3);
+  EXPECT_EQ(known["verdict"]["grade"].as<std::string>(),
+            unknown["verdict"]["grade"].as<std::string>());
+}
+
+TEST_F(OneCommand, TriesDetectsAndChecksImagesToo) {
+  SaveViews("images/{:02}.png");
+  ASSERT_EQ(Run({"calibrate", "images", "--target", kWord, "-o", "out", "--no-report"}).status,
+            kDone);
+  const Outcome tried = Run(
+      {"try", "images", "--target", kWord, "-o", "tried", "--models", "pinhole,pinhole-radtan"});
+  EXPECT_EQ(tried.status, kDone) << tried.err;
+  EXPECT_THAT(tried.out, HasSubstr("recommended: "));
+  const Outcome detected = Run({"detect", "images", "--target", kWord, "-o", "detected"});
+  EXPECT_EQ(detected.status, kDone) << detected.err;
+  EXPECT_THAT(detected.out, HasSubstr("cam: 8 frames, 320 points"));
+  const Outcome checked =
+      Run({"compare", "out/calibration.yaml", "--check", "images", "--target", kWord});
+  EXPECT_EQ(checked.status, kDone) << checked.err;
+  EXPECT_EQ(Run({"try", "session.yaml", "--target", kWord, "-o", "tried"}).status, kWrongInput);
 }
 
 TEST_F(OneCommand, ProposesTheTarget) {
@@ -220,6 +262,21 @@ TEST_F(SessionContent, OfAnotherBoardNamesTheOneInTheImages) {
 }
 
 class Init : public OneCommand {};
+
+TEST_F(Init, LeavesTheSameChoiceAsImagesWithoutASession) {
+  SaveViews("set/{:02}.png");
+  ASSERT_EQ(Run({"init", "set", "-o", "session.yaml"}).status, kDone);
+  Write("target.yaml",
+        std::regex_replace(Read("target.yaml"), std::regex("square:.*"), "square: 30 mm"));
+  const Outcome session = Run({"calibrate", "session.yaml", "-o", "a", "--no-report"});
+  ASSERT_EQ(session.status, kDone) << session.err;
+  ASSERT_EQ(Run({"calibrate", "set", "--target", kWord, "-o", "b", "--no-report"}).status, kDone);
+  EXPECT_EQ(Read("a/poses.csv"), Read("b/poses.csv"));
+  EXPECT_THAT(session.out,
+              HasSubstr("To fix the choice, state it in the session: cam: {model: " +
+                        Result("a")["cameras"]["cam"]["model"].as<std::string>() +
+                        "}, refine_target: false."));
+}
 
 TEST_F(Init, FindsPairsAndTarget) {
   SaveViews("set/left{:02}.png");
