@@ -405,7 +405,8 @@ class Trials {
     return std::sqrt(squares / static_cast<double>(choice_.varied.size()));
   }
 
-  [[nodiscard]] bool IsWorse(size_t m, size_t than) const {
+  // Significantly over all pairs, or by more than the noise.
+  [[nodiscard]] bool IsClearlyWorse(size_t m, size_t than) const {
     const double p = scores_->ProbabilityOfEqual(residuals_[m], residuals_[than]);
     if (p >= kSignificant) return false;
     const auto comparable = std::ranges::count(choice_.trials, true, &ModelTrial::comparable);
@@ -425,7 +426,7 @@ class Trials {
         const bool is_common =
             Rarity(trial) <= std::max(Rarity(open), static_cast<int>(Usage::kCommon));
         if (!trial.comparable || !trial.undetermined.empty() || !is_common ||
-            !HasLessFreedom(trial, open) || IsWorse(s, m)) {
+            !HasLessFreedom(trial, open) || IsClearlyWorse(s, m)) {
           continue;
         }
         open.outweighed_by = s;
@@ -441,7 +442,6 @@ class Trials {
       ModelTrial& trial = trials[m];
       if (!trial.comparable || m == choice_.reference) return;
       trial.probability = scores_->ProbabilityOfEqual(residuals_[m], residuals_[choice_.reference]);
-      trial.worse = IsWorse(m, choice_.reference);
       trial.difference =
           SupportedDifference(reference.calibration, trial.calibration, choice_.varied);
     });
@@ -468,7 +468,7 @@ class Trials {
       // What few frames cannot decide is no reason for more parameters.
       const bool is_richer =
           Rarity(trial) >= 0 && trial.free_parameters > trials[choice_.reference].free_parameters;
-      if (!trial.practically_equal && (trial.worse || is_richer)) continue;
+      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
       const auto rank = [](const ModelTrial& each) {
         return std::tuple(
             !each.marker_freedom.IsRigid(), Rarity(each), each.free_parameters, each.rms);

@@ -55,22 +55,19 @@ struct ModelTrial {
   double sigma = 0;
   /// A simpler model of no rarer use, an index into the trials, over which this one gains less in
   /// held-out RMS than its `sigma` is larger (both as differences of squares); or, if parameters
-  /// are undetermined, which is not significantly worse. `gain`: the root of the difference, px.
+  /// are undetermined, which is not clearly worse. `gain`: the root of the difference, px.
   std::optional<size_t> outweighed_by;
   double gain = 0;
   /// Of residuals as bad as these, if the model were as good as the reference: the smaller p-value
   /// of two tests (`HeldOutScores`).
   double probability = 1;
-  bool worse =
-      false;  ///< than the reference: significantly over all tests, or by more than the noise
   /// Of the projection from the reference's over the supported image, px RMS
   /// (`SupportedDifference`).
   double difference = 0;
   bool practically_equal = false;  ///< `difference` is less than matters
 };
 
-/// Level of the tests whether a model is worse than the reference: of one that is worse by more
-/// than the noise; else over the number of models that are compared.
+/// Level of the tests whether a model is worse than the reference.
 inline constexpr double kSignificant = 0.05;
 /// Differences between projections below these parts of the noise and of the standard error of the
 /// reference's projection do not matter.
@@ -103,11 +100,10 @@ struct ModelChoice {
 /// is scored over the points that it images.
 ///
 /// A model is acceptable when it has no more parameters than the reference, or is pinhole-radtan,
-/// and is not `worse`, or when both are practically equal, unless it is outweighed by a simpler
-/// one. Recommended is, of the acceptable ones,
-/// pinhole-radtan, then the one of the widest use, then the one with the fewest parameters. All
-/// tests are between pairs, so that of a model that is neither reference nor recommended only the
-/// presence counts.
+/// and is not worse at the level of 5 %, or when both are practically equal, unless it is
+/// outweighed by a simpler one. Recommended is, of the acceptable ones, pinhole-radtan, then the
+/// one of the widest use, then the one with the fewest parameters. All tests are between pairs, so
+/// that of a model that is neither reference nor recommended only the presence counts.
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

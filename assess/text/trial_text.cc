@@ -34,7 +34,7 @@ std::string JudgementText(const ModelChoice& choice, size_t m) {
   }
   if (m == choice.reference) return "best";
   if (trial.practically_equal) return "practically equal to the best";
-  return trial.worse ? "worse than the best" : "not distinguishable";
+  return trial.probability < kSignificant ? "worse than the best" : "not distinguishable";
 }
 
 TrialRow MakeRow(const ModelChoice& choice, size_t m) {
@@ -62,7 +62,7 @@ std::string ReasonOfReference(const ModelChoice& choice) {
   for (const ModelTrial& trial : choice.trials) {
     if (!trial.comparable || trial.free_parameters >= recommended.free_parameters) continue;
     any_simpler = true;
-    any_good |= trial.practically_equal || !trial.worse;
+    any_good |= trial.practically_equal || trial.probability >= kSignificant;
   }
   return fmt::format("{}; {}",
                      choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
