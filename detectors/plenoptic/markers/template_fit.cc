@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -183,6 +184,8 @@ class Fit {
   void Differentiate(const Vector& p);
   [[nodiscard]] NormalEquations Equations(const Vector& p);
   [[nodiscard]] TemplateFit Result(const Vector& p, const NormalEquations& last) const;
+  /// Variance of a coordinate, px^2, by noise as the weights state it.
+  [[nodiscard]] double Variance(const Matrix& inverse) const;
   /// Largest distance, px, between the expected and the measured position.
   [[nodiscard]] double Limit() const {
     constexpr double kLargestMove = 0.5;  // cells
@@ -320,12 +323,32 @@ NormalEquations Fit<Pattern>::Equations(const Vector& p) {
 }
 
 template <typename Pattern>
+double Fit<Pattern>::Variance(const Matrix& inverse) const {
+  const double alone = inverse.topLeftCorner<2, 2>().trace() / 2;
+  if (patches_.filter_radius == 0) return alone;
+  // Correlation of means of 3 x 3 pixels along an axis, by their distance.
+  constexpr std::array kCorrelation{1.0, 4 / 6.0, 1 / 6.0};
+  const auto by_noise = [&](size_t i) -> Eigen::Vector2d {
+    return std::sqrt(pixels_[i].weight) * inverse.topRows<2>() * derivatives_[i].by_unknowns;
+  };
+  double together = 0;
+  for (size_t i = 0; i < pixels_.size(); ++i) {
+    for (size_t k = 0; k < i; ++k) {
+      const auto x = std::lround(std::abs(pixels_[i].x - pixels_[k].x));
+      const auto y = std::lround(std::abs(pixels_[i].y - pixels_[k].y));
+      if (std::max(x, y) > 2) continue;
+      together += kCorrelation[x] * kCorrelation[y] * by_noise(i).dot(by_noise(k));
+    }
+  }
+  return alone + together;
+}
+
+template <typename Pattern>
 TemplateFit Fit<Pattern>::Result(const Vector& p, const NormalEquations& last) const {
   const Matrix covariance_of_all = last.information.inverse();
-  const Eigen::Matrix2d covariance = covariance_of_all.topLeftCorner<2, 2>();
   const double excess = last.chi2 / static_cast<double>(pixels_.size() - kCount);
   return {.position = expected_.position + p.head<2>(),
-          .sigma = std::sqrt(covariance.trace() / 2 * std::max(1.0, excess) *
+          .sigma = std::sqrt(Variance(covariance_of_all) * std::max(1.0, excess) *
                              pattern_.MarkersPerPixel(expected_.cell_px)),
           .blur = p[kBlur],
           .blur_sigma = std::sqrt(covariance_of_all(kBlur, kBlur) * std::max(1.0, excess)),
