@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "assess/causes/view_rows.h"
-#include "calib/camera/image_traits.h"
 #include "calib/camera/target_hypothesis.h"
 #include "calib/estimate/calibrate.h"
 #include "calib/files/finding.h"
+#include "calib/traits/image_traits.h"
 
 namespace plenocal {
 

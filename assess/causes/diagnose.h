@@ -8,10 +8,10 @@
 #include <span>
 #include <vector>
 
-#include "calib/camera/image_traits.h"
 #include "calib/camera/target_hypothesis.h"
 #include "calib/estimate/calibrate.h"
 #include "calib/files/calibration_record.h"
+#include "calib/traits/image_traits.h"
 
 namespace plenocal {
 

@@ -143,6 +143,11 @@ double PlaneDifference(const cv::Mat& white) {
   return difference > kDiffers && difference > kSure * sigma ? difference : 0;
 }
 
+bool PlanesAgree(const cv::Mat& white) {
+  const auto [mean, sigma] = MeasurePlanes(white);
+  return mean.mean() > 0 && mean.maxCoeff() - mean.minCoeff() + kSure * sigma < kDiffers;
+}
+
 double GreenDifference(const cv::Mat& white, BayerOrder order) {
   constexpr double kClearly = 3;
   const auto [mean, sigma] = MeasurePlanes(white);

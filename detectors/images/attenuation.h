@@ -29,6 +29,10 @@ void CheckEvenField(const cv::Mat& white);
 /// images.
 double PlaneDifference(const cv::Mat& white);
 
+/// Whether the four planes of a 2 x 2 raster are as bright as each other, as those of a grey image:
+/// not where noise would hide a difference that `PlaneDifference` shows.
+bool PlanesAgree(const cv::Mat& white);
+
 /// Brightness difference of the two green planes of a white image by a colour order, relative to
 /// the mean; 0 unless it shows that the order is wrong: the other two planes are alike.
 double GreenDifference(const cv::Mat& white, BayerOrder order);

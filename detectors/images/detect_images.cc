@@ -369,7 +369,7 @@ ImageDetections ImageRun::Collect() {
 }  // namespace
 
 std::string internal::WhiteKey(const DetectOptions& options) {
-  std::string key = options.bayer ? "mosaic" : "plain";
+  std::string key = options.bayer ? std::string(BayerName(*options.bayer)) : "plain";
   for (const FrameImage& image : options.white_images) {
     key += '\n';
     key += HashImage(image);

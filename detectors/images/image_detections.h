@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "calib/camera/bayer.h"
-#include "calib/camera/image_traits.h"
 #include "calib/camera/lens_type_optics.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
 #include "calib/io/detection_cache.h"
+#include "calib/traits/image_traits.h"
 
 namespace plenocal {
 
@@ -30,13 +30,14 @@ struct SampleView {
 struct ImageDetections {
   std::vector<View> views;  ///< only images with markers, in the order of the images
   ImageSize image_size{};
-  std::vector<LeftOut> left_out;  ///< images and markers, with reasons
-  size_t reused = 0;              ///< images whose markers were taken over from an earlier run
+  std::vector<LeftOut> left_out;      ///< images and markers, with reasons
+  std::vector<std::string> warnings;  ///< of the white images of a plenoptic camera
+  size_t reused = 0;                  ///< images whose markers were taken over from an earlier run
   std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
   std::string vignetting;    ///< of vignetting_<camera>.tiff; empty without white images
   SampleView sample;         ///< of the frame with most markers
   std::vector<BlurMeasurement> blur;  ///< of markers in micro images; of ordinary cameras none
-  CameraTraits traits;                ///< of all images of that size; of a plenoptic camera none
+  CameraTraits traits;                ///< of all images of that size
 };
 
 /// What an image of many shows, in little memory.

@@ -12,6 +12,7 @@
 #include "calib/camera/micro_lens_array.h"
 #include "calib/camera/observation_entry.h"
 #include "calib/io/cache_entry.h"
+#include "calib/traits/lattice_shift.h"
 #include "detectors/images/image_detections.h"
 #include "detectors/plenoptic/markers/marker_measurement.h"
 
@@ -23,6 +24,7 @@ struct MicroLensCalibration {
   std::vector<float> attenuation;  ///< of each pixel, row by row
   std::string grid_png;            ///< content of a file
   std::vector<LeftOut> left_out;   ///< white images
+  std::vector<std::string> warnings;
 };
 
 /// The markers of one raw image.
@@ -30,6 +32,7 @@ struct RawDetections {
   RawMeasurements markers;
   std::vector<std::string> left_out;  ///< reasons
   std::string failure;                ///< the reason why there are no markers
+  LatticeShift lattice;
 };
 
 /// Pictures of one raw image for the user: the ending of each name and the content of the file.
@@ -49,12 +52,18 @@ auto EntryMembers(T& measured) {
 
 template <MaybeConst<RawDetections> T>
 auto EntryMembers(T& found) {
-  return std::tie(found.markers, found.left_out, found.failure);
+  return std::tie(found.markers,
+                  found.left_out,
+                  found.failure,
+                  found.lattice.value,
+                  found.lattice.sigma,
+                  found.lattice.corner);
 }
 
 template <MaybeConst<MicroLensCalibration> T>
 auto EntryMembers(T& camera) {
-  return std::tie(camera.array, camera.attenuation, camera.grid_png, camera.left_out);
+  return std::tie(
+      camera.array, camera.attenuation, camera.grid_png, camera.left_out, camera.warnings);
 }
 
 /// Nothing for bytes that are no complete calibration.

@@ -47,7 +47,8 @@ MicroLensCalibration MeasureMicroLenses(const DetectOptions& options, DetectionC
       camera.grid->array,
       std::vector<float>(attenuation.begin<float>(), attenuation.end<float>()),
       EncodeImage(".png", GridPicture(levelled, camera.grid->array)),
-      std::move(camera.left_out)};
+      std::move(camera.left_out),
+      std::move(camera.warnings)};
   cache->Save(key, PackEntry(micro_lenses));
   return micro_lenses;
 }
@@ -127,8 +128,10 @@ class RawDetector {
     RawResult result;
     MakePictures(view, found, &result);
     result.sample.frame = image.frame;
-    result.detections = {
-        .markers = Measure(raw, view, found), .left_out = found.left_out, .failure = found.failure};
+    result.detections = {.markers = Measure(raw, view, found),
+                         .left_out = found.left_out,
+                         .failure = found.failure,
+                         .lattice = view.lattice};
     if (result.detections.markers.empty() && found.failure.empty()) {
       result.detections.failure =
           "the target is in the focused image, but no micro image shows a marker well";
@@ -194,6 +197,7 @@ void DetectInImages(const std::vector<FrameImage>& images,
       result = detector->Detect(images[i]);
       if (result.is_cached) ++detections->reused;
       RawDetections& found = result.detections;
+      detections->traits[images[i].frame].lattice = found.lattice;
       for (const std::string& reason : found.left_out) {
         detections->left_out.push_back({path, reason});
       }
@@ -244,6 +248,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   ImageDetections detections;
   detections.image_size = camera.array.image_size;
   detections.left_out = std::move(micro_lenses.left_out);
+  detections.warnings = std::move(micro_lenses.warnings);
   detections.micro_lenses = FormatMicroLenses(camera.array);
   detections.vignetting = EncodeImage(".tiff", camera.attenuation);
   if (options.keep) options.keep("micro_lenses.png", micro_lenses.grid_png);

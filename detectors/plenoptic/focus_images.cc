@@ -87,7 +87,7 @@ size_t ReconstructImages(
     const LoopReports& reports,
     const std::function<void(const FrameImage& raw, const Reconstruction& view, int depth)>& take) {
   std::optional<Error> first;
-  size_t taken = 0;
+  std::vector<LatticeShift> lattices;
   for (size_t i = 0; i < images.size(); ++i) {
     const FrameImage& raw = images[i];
     if (!reports.progress(i)) throw Stopped();
@@ -102,18 +102,22 @@ size_t ReconstructImages(
       if (!first) first = error;
       continue;
     }
+    lattices.push_back(view.lattice);
     take(raw, view, depth);
-    ++taken;
   }
-  if (taken == 0) throw Error(*first);
-  return taken;
+  if (lattices.empty()) throw Error(*first);
+  if (const auto shift = SignificantShift(lattices)) reports.message("  " + ShiftText(*shift));
+  return lattices.size();
 }
 
 void FocusImages(const FocusRequest& request) {
   const PlenopticCamera camera =
       LoadPlenopticCamera(request.camera, request.raw_images[0], request.threads, request.message);
-  ReconstructionOptions options{
-      .scale = request.scale, .colour = true, .threads = request.threads, .find_flat_parts = {}};
+  ReconstructionOptions options{.scale = request.scale,
+                                .colour = true,
+                                .threads = request.threads,
+                                .find_flat_parts = {},
+                                .common_error = internal::kCommonError / camera.array.Pitch()};
   if (request.target != nullptr) {
     options.find_flat_parts =
         [markers = std::make_shared<internal::FocusedImageDetector>(*request.target)](

@@ -43,6 +43,9 @@ PlenopticCamera CameraFromFiles(const PlenopticSource& source,
                            ? cv::Mat(ReadImage(raw_image).size(), CV_32F, cv::Scalar(1))
                            : ReadAttenuation(source.vignetting);
   const ImageSize size{camera.attenuation.cols, camera.attenuation.rows};
+  if (source.vignetting.empty()) {
+    message("  without white images or a vignetting file the grid is used unchecked");
+  }
   if (source.grid.extension() == ".xml") {
     camera.array = ReadRayCalibData(source.grid, size);
     const std::string unused = UnusedRayCalibData(source.grid);

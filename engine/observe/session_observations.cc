@@ -209,6 +209,7 @@ class Collector {
          FindCauses(CauseStage::kImageFile, {.name = camera.name, .traits = &found.traits})) {
       run_.Message(fmt::format("{} {}", note.what, note.remedy));
     }
+    for (const std::string& line : found.warnings) run_.Warning(camera.name + ": " + line);
     PrintLeftOut(found.left_out);
     if (!found.views.empty()) return;
     const std::string mend = Mend(camera, images.images);

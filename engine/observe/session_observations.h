@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "calib/base/run.h"
-#include "calib/camera/image_traits.h"
 #include "calib/files/session.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/output_folder.h"
 #include "calib/start/camera_guess.h"
+#include "calib/traits/image_traits.h"
 #include "engine/session/session_targets.h"
 #include "targets/target.h"
 

@@ -81,7 +81,7 @@ std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPar
                     to_middle.transpose() * normal.inverse() * std::max(1.0, together) * to_middle};
 }
 
-size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth) {
+size_t FlattenParts(const std::vector<FlatPart>& parts, double common_error, VirtualDepth* depth) {
   size_t flattened = 0;
   for (const FlatPart& part : parts) {
     const auto plane = FitDepthPlane(*depth, part);
@@ -90,8 +90,8 @@ size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth) {
       const Eigen::Vector3d at = RawPoint(*depth, pixel);
       const double v = plane->by_q.dot(at);
       depth->inverse.at<float>(pixel) = static_cast<float>(1 / v);
-      depth->sigma.at<float>(pixel) =
-          static_cast<float>(std::sqrt(at.dot(plane->covariance * at)) / (v * v));
+      depth->sigma.at<float>(pixel) = static_cast<float>(
+          std::hypot(std::sqrt(at.dot(plane->covariance * at)) / (v * v), common_error / v));
       depth->known.at<uchar>(pixel) = 255;
     });
     ++flattened;

@@ -26,7 +26,13 @@ struct DepthPlane {
 /// Robust fit to the known depths inside a part; nothing for fewer than three.
 std::optional<DepthPlane> FitDepthPlane(const VirtualDepth& depth, const FlatPart& part);
 
+/// Error of matching that all pixels of a part share, part of its depth, for micro images of one
+/// pixel; inverse to their pitch. It is by pattern and depth, not by sensor noise (bench/README.md,
+/// "Plenoptic cameras").
+inline constexpr double kCommonError = 0.0145;
+
 /// Replaces the depth in each part by its plane; returns the number of parts with a plane.
-size_t FlattenParts(const std::vector<FlatPart>& parts, VirtualDepth* depth);
+/// `common_error`: of the depths in a part, part of them; included in sigma.
+size_t FlattenParts(const std::vector<FlatPart>& parts, double common_error, VirtualDepth* depth);
 
 }  // namespace plenocal::internal

@@ -133,6 +133,11 @@ Reconstruction Reconstruct(cv::Mat raw,
   const int threads = options.threads;
   const MicroLensIndex index(camera.array);
   Reconstruction view;
+  view.lattice = MeasureLatticeShift(
+      grey,
+      camera.attenuation,
+      camera.array,
+      camera.bayer ? GreyOfMosaic(grey, camera.attenuation) : MosaicWeights{1, 1, 1, 1});
   view.patches = CutGrey(grey, camera, threads);
   grey.release();  // the patches have all that is needed of it
   view.noise = EstimateNoise(view.patches);
@@ -145,15 +150,16 @@ Reconstruction Reconstruct(cv::Mat raw,
                          threads);
   if (cv::countNonZero(view.depth.known) == 0) {
     throw JobError(
-        "has no detail that several micro images show, so no depth can be found; light "
-        "the scene or focus the main lens");
+        "has no detail that several micro images of this grid show, so no depth can be found; if "
+        "the grid is of this camera and setting, light the scene or focus the main lens");
   }
   const auto synthesise = [&] {
     return SynthesiseFocusedImage(view.depth, view.patches, index, view.noise, survey, threads);
   };
   view.image = synthesise();
   if (options.find_flat_parts) {
-    view.flat_parts = FlattenParts(options.find_flat_parts(view.image), &view.depth);
+    view.flat_parts =
+        FlattenParts(options.find_flat_parts(view.image), options.common_error, &view.depth);
     if (view.flat_parts > 0) view.image = synthesise();
   }
   if (colour) {

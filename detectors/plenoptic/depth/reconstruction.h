@@ -11,6 +11,7 @@
 
 #include "calib/camera/bayer.h"
 #include "calib/camera/micro_lens_array.h"
+#include "calib/traits/lattice_shift.h"
 #include "detectors/plenoptic/depth/depth_planes.h"
 #include "detectors/plenoptic/depth/lens_patches.h"
 #include "detectors/plenoptic/depth/virtual_depth.h"
@@ -33,6 +34,9 @@ struct ReconstructionOptions {
   /// When set: finds the flat parts of a target in the focused image. Their depth is replaced by
   /// planes, and the image is synthesised again.
   std::function<std::vector<internal::FlatPart>(const cv::Mat& focused)> find_flat_parts;
+  /// Error that the depths of a flat part share, part of them, in its sigma; 0 where sigma only
+  /// weighs pixels against each other.
+  double common_error = 0;
 };
 
 struct Reconstruction {
@@ -45,6 +49,7 @@ struct Reconstruction {
   size_t flat_parts = 0;
   internal::LensPatches patches;  ///< source of `image`; released when there is `colour`
   internal::SensorNoise noise;
+  LatticeShift lattice;  ///< of its micro images
 };
 
 /// The micro images in grey of a raw image as for `Reconstruct`.

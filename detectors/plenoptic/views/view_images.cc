@@ -13,6 +13,7 @@
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
 #include "detectors/plenoptic/views/sub_aperture.h"
+#include "detectors/plenoptic/white/grid_mismatch.h"
 
 namespace plenocal {
 namespace {
@@ -32,6 +33,10 @@ cv::Mat ReadRaw(const fs::path& path, const PlenopticCamera& camera) {
                      size[0],
                      size[1]);
   }
+  cv::Mat grey;
+  ToGray(raw).convertTo(grey, CV_32F);
+  const std::string mismatch = internal::GridMismatch(grey, camera.attenuation, camera.array);
+  if (!mismatch.empty()) throw JobError("{}: {}", path.string(), mismatch);
   return raw;
 }
 
@@ -45,6 +50,9 @@ std::vector<RefocusPlane> ChoosePlanes(const ViewsRequest& request,
     ReconstructionOptions options;
     options.threads = request.threads;
     const Reconstruction view = Reconstruct(raw.clone(), camera, options);
+    if (const auto shift = SignificantShift(std::span(&view.lattice, 1))) {
+      request.message(fmt::format("  {}: {}", request.raw_image.string(), ShiftText(*shift)));
+    }
     std::vector<float> inverse = internal::KnownInverse(view.depth);
     std::ranges::sort(inverse);
     for (const size_t tenth : {9, 5, 1}) {

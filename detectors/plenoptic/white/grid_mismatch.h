@@ -3,10 +3,12 @@
 // Check of a raw image against the grid of micro lenses.
 #pragma once
 
+#include <array>
 #include <opencv2/core/mat.hpp>
 #include <string>
 
 #include "calib/camera/micro_lens_array.h"
+#include "calib/traits/lattice_shift.h"
 
 namespace plenocal::internal {
 
@@ -20,5 +22,16 @@ namespace plenocal::internal {
 std::string GridMismatch(const cv::Mat& raw,
                          const cv::Mat& attenuation,
                          const MicroLensArray& array);
+
+/// Measures the displacement of the micro images of a raw image that `GridMismatch` accepts, by
+/// least squares: inside a cell it is V (1 + e . d + s . grad ln V) times a gain, V the
+/// attenuation, d from the cell's middle, e the scene's gradient and s the displacement, which is
+/// common to all cells but for pitch and rotation. Standard errors are by the scatter of the cells.
+/// Not measured where V has no micro images. `by_place`: factors that make the four pixels of the 2
+/// x 2 raster of a mosaic alike.
+LatticeShift MeasureLatticeShift(const cv::Mat& raw,
+                                 const cv::Mat& attenuation,
+                                 const MicroLensArray& array,
+                                 const std::array<float, 4>& by_place);
 
 }  // namespace plenocal::internal

@@ -87,6 +87,12 @@ std::vector<std::string> Warnings(const cv::Mat& white, const WhiteOptions& opti
         "by {:.0f} %); if they are, say so with 'bayer'",
         100 * difference));
   }
+  if (options.bayer && PlanesAgree(white)) {
+    warnings.push_back(fmt::format(
+        "bayer: {}: the planes of the 2 x 2 raster are alike in the white images, as those of a grey "
+        "camera; if it is one, leave 'bayer' out",
+        BayerName(*options.bayer)));
+  }
   if (options.grid_file) {
     const std::string unused = UnusedRayCalibData(*options.grid_file);
     if (!unused.empty()) warnings.push_back(unused);

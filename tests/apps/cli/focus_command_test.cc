@@ -208,6 +208,34 @@ TEST_F(FocusCommandLine, NamesARawImageThatDoesNotBelongToTheGrid) {
   ExpectRefused(Focus(), kJobFailed, {"raw/a.png", "does not show micro images where the grid"});
 }
 
+TEST_F(FocusCommandLine, SaysThatAGridAloneIsNotChecked) {
+  for (const char* command : {"focus", "views"}) {
+    const Outcome outcome = Run({command, "raw/a.png", "--grid", "micro_lenses.csv", "-o", "out"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    EXPECT_THAT(outcome.out + outcome.err, HasSubstr("the grid is used unchecked"));
+  }
+}
+
+TEST_F(FocusCommandLine, NamesWhiteImagesOfAnotherFocus) {
+  PlenopticScene wider = scene_;
+  wider.pitch *= 1.001;
+  WriteImage("raw/a.png", wider.Raw(wider.Array()));
+  for (const char* command : {"focus", "views"}) {
+    const Outcome outcome = Run({command,
+                                 "raw/a.png",
+                                 "--grid",
+                                 "micro_lenses.csv",
+                                 "--vignetting",
+                                 "vignetting.tiff",
+                                 "-o",
+                                 "out"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(
+        outcome.out + outcome.err,
+        AllOf(HasSubstr("the micro images lie up to 0.3"), HasSubstr("of another focus or zoom")));
+  }
+}
+
 TEST_F(FocusCommandLine, NamesAnImageWithoutDetail) {
   cv::Mat flat;
   attenuation_.convertTo(flat, CV_16U, 20000);

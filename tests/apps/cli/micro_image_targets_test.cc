@@ -226,5 +226,48 @@ TEST_F(MicroImageTargets, TableOfDetectionsSaysAllThatTheImagesSay) {
             0.98 * number(images, "sigma", "B"));
 }
 
+TEST_F(MicroImageTargets, WhiteImagesOfAnotherFocusAreNamed) {
+  Simulate("type: chessboard\ncolumns: 6\nrows: 5\nsquare: 0.011\n",
+           "{frames: 5, distance: [0.38, 0.6], tilt: 0.5, partial: 0}");
+  const auto findings = [&](const std::string& session) {
+    const Outcome outcome = Run({"calibrate", session, "-o", "out"});
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return Result()["verdict"]["findings"];
+  };
+  for (const YAML::Node& finding : findings("set/session.yaml")) {
+    EXPECT_NE(finding["code"].as<std::string>(), "white_lattice");
+  }
+  Write("spec.yaml", Replaced(Read("spec.yaml"), "pitch: 18", "pitch: 18.02"));
+  EXPECT_EQ(Run({"simulate", "spec.yaml", "-o", "other"}).status, kDone);
+  Write("set/other.yaml",
+        Replaced(Read("set/session.yaml"), "white_images: plen", "white_images: ../other/plen"));
+  std::string what;
+  for (const YAML::Node& finding : findings("set/other.yaml")) {
+    if (finding["code"].as<std::string>() == "white_lattice") {
+      what = finding["what"].as<std::string>();
+    }
+  }
+  EXPECT_THAT(what, ::testing::HasSubstr("pitch -1.1e-03"));
+}
+
+TEST_F(MicroImageTargets, AWrongBayerOrderIsNamed) {
+  const auto detect = [&](const std::string& simulated, const std::string& stated) {
+    Simulate("type: chessboard\ncolumns: 6\nrows: 5\nsquare: 0.011\n",
+             "{frames: 1, distance: [0.42, 0.5], tilt: 0.3, partial: 0}",
+             simulated);
+    const std::string session = Read("set/session.yaml");
+    Write("set/session.yaml",
+          simulated.empty() ? Replaced(session, "    pixel_size", stated + "    pixel_size")
+                            : Replaced(session, simulated, stated));
+    return Run({"detect", "set/session.yaml", "-o", "out"}).err;
+  };
+  using ::testing::HasSubstr;
+  const std::string rggb = "    bayer: RGGB\n";
+  EXPECT_THAT(detect(rggb, rggb), ::testing::Not(HasSubstr("bayer")));
+  EXPECT_THAT(detect(rggb, "    bayer: GBRG\n"), HasSubstr("the order is RGGB or BGGR"));
+  EXPECT_THAT(detect(rggb, ""), HasSubstr("look like raw colour mosaics"));
+  EXPECT_THAT(detect("", rggb), HasSubstr("alike in the white images"));
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing

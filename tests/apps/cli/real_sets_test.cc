@@ -467,6 +467,30 @@ TEST_F(RealSets, PlenopticCameraFromRealMicroImagePoints) {
   EXPECT_EQ(residuals["rms_by_type"].size(), 3U);
 }
 
+TEST_F(RealSets, ForeignGridsAndWhiteImagesOfAnotherFocusAreNamed) {
+  const fs::path set = Set("plenoptic_real");
+  const fs::path lfm = Set("scene_real/lfm_guv_square");
+  SKIP_WITHOUT(set);
+  SKIP_WITHOUT(lfm);
+  const Outcome foreign = Run({"focus",
+                               set / "plenoptic_toolbox2/sc2_klein.png",
+                               "--grid",
+                               set / "raytrix_xml_mit/tree_Calibration.xml",
+                               "-o",
+                               "out"});
+  EXPECT_EQ(foreign.status, kJobFailed);
+  EXPECT_THAT(foreign.err, HasSubstr("if the grid is of this camera"));
+  // By the edges of the micro images, halfway between brightness and gap: (-0.19, 0.29) px.
+  EXPECT_THAT(Run({"focus",
+                   lfm / "Lightfield_GUVExperim1.tif",
+                   "--white",
+                   lfm / "Radiometry_GUVExperim1.tif",
+                   "-o",
+                   "out"})
+                  .err,
+              HasSubstr("displacement -0.19, +0.34 px"));
+}
+
 // Rays traced through three published lens designs without noise. SOURCE.md: RMS of a coordinate
 // with third order over all points; a few are rejected here.
 TEST_F(RealSets, PlenopticCamerasBehindRealLenses) {

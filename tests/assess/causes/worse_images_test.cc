@@ -150,6 +150,26 @@ TEST(ImageCauses, GetTheGradeOfWhatNoiseMakesWorse) {
   }
 }
 
+TEST(ImageCauses, NamesWhiteImagesOfAnotherFocus) {
+  CameraTraits traits;
+  const auto find = [&] {
+    return FindCauses(CauseStage::kImageFile, {.name = "raw", .traits = &traits});
+  };
+  for (const char* frame : {"0", "1", "2", "3", "4", "5"}) {
+    LatticeShift& lattice = traits[frame].lattice;
+    lattice.corner = 1000;
+    lattice.sigma.setConstant(0.01);
+    lattice.value = {0.01, 0, 0.02, 0};
+  }
+  EXPECT_THAT(find(), IsEmpty());
+  for (auto& [frame, image] : traits) image.lattice.value[2] = 0.3;
+  const std::vector<Finding> found = find();
+  ASSERT_THAT(CodesOf(found), ElementsAre("white_lattice"));
+  EXPECT_EQ(found[0].grade, Grade::kUsable);
+  EXPECT_NEAR(*found[0].value, 0.31, 1e-9);
+  EXPECT_THAT(found[0].what, ::testing::HasSubstr("pitch +3.0e-04"));
+}
+
 TEST(ImageCauses, CountsOrientationTags) {
   CameraTraits traits;
   traits["0"].orientation = 6;

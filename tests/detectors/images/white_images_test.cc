@@ -207,8 +207,11 @@ TEST(CheckEvenField, AcceptsFallOffAndRefusesScenes) {
 TEST(PlaneDifference, TellsMosaicsFromGreyImages) {
   const auto grey = [](int x, int y) { return 100 * FallOff(x, y); };
   EXPECT_EQ(PlaneDifference(Exact(grey, 3)), 0);
+  EXPECT_TRUE(PlanesAgree(Exact(grey, 3)));
   const auto mosaic = [&](int x, int y) { return grey(x, y) * (x % 2 == y % 2 ? 1.1 : 0.9); };
   EXPECT_NEAR(PlaneDifference(Exact(mosaic, 3)), 0.2, 0.01);
+  EXPECT_FALSE(PlanesAgree(Exact(mosaic, 3)));
+  EXPECT_FALSE(PlanesAgree(cv::Mat::zeros(48, 64, CV_32F)));
 }
 
 TEST(GreenDifference, ShowsAColourOrderThatIsShiftedByAPixel) {

@@ -54,7 +54,7 @@ void ExpectPlane(const VirtualDepth& depth) {
 TEST(FlattenParts, ReplacesNoiseByThePlaneInsideThePart) {
   VirtualDepth depth = NoisyPlane();
   const VirtualDepth before = NoisyPlane();
-  EXPECT_EQ(FlattenParts({kPart}, &depth), 1u);
+  EXPECT_EQ(FlattenParts({kPart}, 0, &depth), 1u);
   ExpectPlane(depth);
   cv::Mat outside(kSide, kSide, CV_8U, cv::Scalar(255));
   outside(cv::Rect(20, 20, 41, 41)).setTo(0);
@@ -62,25 +62,36 @@ TEST(FlattenParts, ReplacesNoiseByThePlaneInsideThePart) {
   EXPECT_EQ(cv::norm(depth.sigma, before.sigma, cv::NORM_INF, outside), 0);
 }
 
+TEST(FlattenParts, StatesTheErrorThatAPartShares) {
+  VirtualDepth alone = NoisyPlane(), shared = NoisyPlane();
+  constexpr double kCommon = 0.003;
+  FlattenParts({kPart}, 0, &alone);
+  FlattenParts({kPart}, kCommon, &shared);
+  EXPECT_EQ(cv::norm(alone.inverse, shared.inverse, cv::NORM_INF), 0);
+  EXPECT_NEAR(shared.sigma.at<float>(40, 40),
+              std::hypot(alone.sigma.at<float>(40, 40), kCommon * alone.inverse.at<float>(40, 40)),
+              1e-6);
+}
+
 TEST(FlattenParts, IgnoresOutliersAndFillsWhatIsUnknown) {
   VirtualDepth depth = NoisyPlane();
   depth.inverse(cv::Rect(22, 22, 12, 12)).setTo(0.45);  // chance matches
   depth.inverse(cv::Rect(45, 40, 10, 10)).setTo(0.1);
   depth.known(cv::Rect(45, 40, 10, 10)).setTo(0);
-  EXPECT_EQ(FlattenParts({kPart}, &depth), 1u);
+  EXPECT_EQ(FlattenParts({kPart}, 0, &depth), 1u);
   ExpectPlane(depth);
 }
 
 TEST(FlattenParts, LeavesAPartWithoutDepthAlone) {
   VirtualDepth depth = NoisyPlane();
   depth.known.setTo(0);
-  EXPECT_EQ(FlattenParts({kPart}, &depth), 0u);
+  EXPECT_EQ(FlattenParts({kPart}, 0, &depth), 0u);
   EXPECT_EQ(cv::norm(depth.inverse, NoisyPlane().inverse, cv::NORM_INF), 0);
 }
 
 TEST(FlattenParts, TakesPartsThatReachBeyondTheImage) {
   VirtualDepth depth = NoisyPlane();
-  EXPECT_EQ(FlattenParts({{{-15, 20}, {60, -10}, {95, 60}, {30, 100}}}, &depth), 1u);
+  EXPECT_EQ(FlattenParts({{{-15, 20}, {60, -10}, {95, 60}, {30, 100}}}, 0, &depth), 1u);
   EXPECT_NEAR(depth.inverse.at<float>(40, 40), 1 / Truth(40, 40), kSigma);
 }
 

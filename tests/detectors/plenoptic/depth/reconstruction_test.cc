@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <span>
+#include <vector>
 
 #include "calib/base/error.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
@@ -223,6 +226,59 @@ TEST_F(FocusRefuses, AnImageWithoutMicroImages) {
 
 TEST_F(FocusRefuses, AnImageOfAnotherSize) {
   EXPECT_THAT(Refusal(cv::Mat::zeros(300, 400, CV_8U), camera_), HasSubstr("is 400 x 300 pixels"));
+}
+
+/// Of the micro images of a scene through an array `scale` times as wide, `shift` px aside, by the
+/// white images of the scene.
+LatticeShift ShiftOf(PlenopticScene scene, double scale, const Eigen::Vector2d& shift) {
+  PlenopticCamera camera{scene.Array(), {}, scene.bayer};
+  camera.attenuation = scene.Attenuation(camera.array);
+  MicroLensArray array = camera.array;
+  const Eigen::Vector2d middle(scene.width / 2.0, scene.height / 2.0);
+  for (MicroLens& lens : array.lenses) {
+    lens.centre = middle + shift + scale * (lens.centre - middle);
+  }
+  return Reconstruct(scene.Raw(array), camera, {}).lattice;
+}
+
+TEST(LatticeShift, IsMeasuredInTheRawImage) {
+  constexpr double kScale = 1e-3;
+  for (const auto bayer : {std::optional<BayerOrder>(), std::optional(BayerOrder::kRggb)}) {
+    const PlenopticScene scene{.pitch = 22, .detail = 30, .bayer = bayer, .blur = 0.8};
+    const LatticeShift none = ShiftOf(scene, 1, {0, 0});
+    EXPECT_NEAR(none.corner, 283, 1);
+    EXPECT_LT(none.Largest(), 0.05);
+    EXPECT_LT(none.sigma.maxCoeff(), 0.03);
+    EXPECT_FALSE(SignificantShift(std::span(&none, 1)));
+    const LatticeShift shift = ShiftOf(scene, 1 + kScale, {0.2, -0.1});
+    const Eigen::Vector4d truth(0.2, -0.1, kScale * shift.corner, 0);
+    EXPECT_LT((shift.value - truth).cwiseAbs().maxCoeff(), 0.04) << shift.value.transpose();
+    ASSERT_TRUE(SignificantShift(std::span(&shift, 1)));
+    EXPECT_THAT(ShiftText(shift), HasSubstr("of another focus or zoom"));
+  }
+}
+
+TEST(LatticeShift, IsNotMeasuredWithoutMicroImages) {
+  PlenopticScene scene;
+  PlenopticCamera camera{scene.Array(), {}};
+  camera.attenuation = cv::Mat(scene.height, scene.width, CV_32F, cv::Scalar(1));
+  const LatticeShift shift = Reconstruct(scene.Raw(camera.array), camera, {}).lattice;
+  EXPECT_EQ(shift.corner, 0);
+  EXPECT_FALSE(SignificantShift(std::span(&shift, 1)));
+}
+
+TEST(LatticeShift, OfAllImagesIsTestedByTheirScatter) {
+  std::vector<LatticeShift> images;
+  for (int i = 0; i < 12; ++i) {
+    LatticeShift& image = images.emplace_back();
+    image.value = {0.01, 0, 0.07 + 0.02 * (i % 2), 0};
+    image.sigma.setConstant(0.003);
+    image.corner = 500;
+  }
+  ASSERT_TRUE(SignificantShift(images));
+  EXPECT_NEAR(SignificantShift(images)->value[2], 0.08, 1e-9);
+  for (size_t i = 0; i < images.size(); i += 2) images[i].value[2] = -0.1;
+  EXPECT_FALSE(SignificantShift(images));
 }
 
 }  // namespace TEST_FILE
