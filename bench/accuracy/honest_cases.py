@@ -97,6 +97,7 @@ OF_SHARE = {"direction", "open", "ambiguous end"}  # no standard error but wheth
 MOST_WRONG = 0.05  # of these
 OTHERS = [
     ("detections", ["x_shared_<n>", "y_shared_<n>"], "given by the detector: what the common error moves; its size is estimated"),
+    ("`lattice_<camera>.yaml`", ["covariance"], "of polynomials, not of a result; by `tests/calib/camera/lattice_errors_test.cc`"),
     ("`adjustment`", ["rejection_sigmas"], "a threshold"),
     ("`adjustment`", ["marker_sigma"], "the prior as it was given"),
     ("chosen_frames.csv", ["blur"], "a width of edges"),

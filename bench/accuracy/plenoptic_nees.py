@@ -33,6 +33,11 @@ NAMES = ("f_L", "b_L0", "B", "c_x", "c_y", "A_0", "A_1", "B_0", "B_1")
 SAMPLES = 15  # along either side of a micro lens; as many points of the pixel
 
 
+def interval(n):
+    """In which 99 % of the means of n squares of standard normal numbers are."""
+    return chi2.ppf([0.005, 0.995], n) / n
+
+
 def rotation(axis_angle):
     return cv2.Rodrigues(np.asarray(axis_angle, float))[0]
 
@@ -429,9 +434,7 @@ def main():
     print("mean of" + "".join(f" {name} {np.mean(errors[name]):.2f}" for name in names))
     everything = np.concatenate([errors[name] for name in names])**2
     print(f"mean square of all {everything.mean():.2f}; above 4 sigma {np.mean(everything > 16):.1%} of {len(everything)}")
-    low, high = chi2.ppf([0.005, 0.995], sum(counts)) / sum(counts)
-    print(f"NEES / n {np.average(chi_squares, weights=counts):.3f}, 99 % interval {low:.2f} to {high:.2f}")
-
+    print("NEES / n {:.3f}, 99 % interval {:.2f} to {:.2f}".format(np.average(chi_squares, weights=counts), *interval(sum(counts))))
 
 
 if __name__ == "__main__":

@@ -51,11 +51,12 @@ Observation WithoutDisplacement(const BundleObservation& observation, const Bund
   Observation seen = observation.seen;
   if (observation.by_nuisance.empty()) return seen;
   for (size_t k = 0; k < camera.nuisances.size(); ++k) {
-    if (camera.nuisances[k]->displace == nullptr) continue;
+    const double value = camera.params[camera.ModelParams() + k];
+    if (camera.nuisances[k]->displace == nullptr || value == 0) continue;
     camera.nuisances[k]->displace(observation,
                                   camera.IndexInKind(k),
                                   camera.model->measured.size(),
-                                  -camera.params[camera.ModelParams() + k],
+                                  -value,
                                   seen.values.data());
   }
   return seen;

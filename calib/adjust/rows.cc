@@ -20,10 +20,13 @@ void AppendNuisances(const BundleCamera& camera,
     if (r > 0) std::copy_backward(J_params + r * own, J_params + (r + 1) * own, row + own);
     std::fill(row + own, row + width, 0.0);
   }
+  size_t index = 0;  // in the kind; counting is slow where there are many
   for (size_t k = 0; k < camera.nuisances.size(); ++k) {
+    const bool same = k > 0 && camera.nuisances[k] == camera.nuisances[k - 1];
+    index = same ? index + 1 : camera.IndexInKind(k);
     if (camera.nuisances[k]->displace == nullptr) continue;
     double displacement[kMaxObservationSize] = {};
-    camera.nuisances[k]->displace(observation, camera.IndexInKind(k), rows, -weight, displacement);
+    camera.nuisances[k]->displace(observation, index, rows, -weight, displacement);
     for (size_t r = 0; r < rows; ++r) J_params[r * width + own + k] = displacement[r];
   }
 }

@@ -72,18 +72,14 @@ class PointIndex {
   std::unordered_map<std::int64_t, std::vector<size_t>> buckets_;
 };
 
-// Width of Tukey's biweight in standard deviations: 95 % efficiency for normal errors, for the
-// length of 2D residuals.
-constexpr double kTukeyWidth = 6.0;
-// Width of Huber's weight in the first iteration, in the same unit.
+// Width of Huber's weight in the first iteration, in the unit of Tukey's.
 constexpr double kHuberWidth = 2.0;
-constexpr int kMaxDegree = 7;
 // Measurements per coefficient that a degree must at least have.
 constexpr double kPointsPerCoefficient = 2;
+constexpr double kTukeyWidth = SmoothLattice::kTukeyWidth;
+constexpr auto CountMonomials = SmoothLattice::CountMonomials;
 constexpr int kRobustIterations = 20;
 constexpr double kConverged = 1e-4;  // relative change of the scale
-
-int Terms(int degree) { return (degree + 1) * (degree + 2) / 2; }
 
 }  // namespace
 
@@ -326,11 +322,12 @@ std::vector<std::optional<LatticeNode>> IndexLattice(std::span<const Vector2d> p
   return LatticeGrowth(points, basis, image_size).Run();
 }
 
-Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& coordinates, int degree) const {
-  const Vector2d s = (coordinates - middle_) / scale_;
+Eigen::VectorXd SmoothLattice::Monomials(const Vector2d& place, int degree) {
   std::array<Vector2d, kMaxDegree + 1> powers{Vector2d(1, 1)};
-  for (int power = 1; power <= degree; ++power) powers[power] = powers[power - 1].cwiseProduct(s);
-  Eigen::VectorXd terms(Terms(degree));
+  for (int power = 1; power <= degree; ++power) {
+    powers[power] = powers[power - 1].cwiseProduct(place);
+  }
+  Eigen::VectorXd terms(CountMonomials(degree));
   int k = 0;
   for (int total = 0; total <= degree; ++total) {
     for (int power = 0; power <= total; ++power) {
@@ -353,7 +350,7 @@ struct LatticeEquations {
     Eigen::VectorXd residuals;  // lengths over sigma
   };
   [[nodiscard]] Solution Solve(int degree, const Eigen::VectorXd& weights) const {
-    const auto B = A.leftCols(Terms(degree));
+    const auto B = A.leftCols(CountMonomials(degree));
     const Eigen::MatrixXd N = B.transpose() * weights.asDiagonal() * B;
     const Eigen::MatrixXd right = B.transpose() * weights.asDiagonal() * positions;
     const Eigen::MatrixXd solution = SolveSymmetric(N, right);
@@ -407,7 +404,7 @@ struct LatticeEquations {
       const double sum =
           (residuals.array().square() * weights.array() / precision.array()).sum() / samples;
       const double criterion = samples * std::log(std::max(sum, Resolution() * Resolution())) +
-                               2 * Terms(degree) * std::log(samples);
+                               2 * CountMonomials(degree) * std::log(samples);
       if (criterion < best) {
         best = criterion;
         best_degree = degree;
@@ -421,7 +418,7 @@ struct LatticeEquations {
 
 SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurements) {
   const auto count = static_cast<Eigen::Index>(measurements.size());
-  if (count < kPointsPerCoefficient * Terms(1)) {
+  if (count < kPointsPerCoefficient * CountMonomials(1)) {
     throw JobError("too few micro images look alike for a lattice; record an even white field");
   }
   SmoothLattice lattice;
@@ -435,12 +432,13 @@ SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurement
   lattice.scale_ = std::max(1.0, (high - low).maxCoeff() / 2);
 
   int most = 1;
-  while (most < kMaxDegree && count >= kPointsPerCoefficient * Terms(most + 1)) ++most;
-  LatticeEquations equations{
-      Eigen::MatrixXd(count, Terms(most)), Eigen::MatrixX2d(count, 2), Eigen::VectorXd(count)};
+  while (most < kMaxDegree && count >= kPointsPerCoefficient * CountMonomials(most + 1)) ++most;
+  LatticeEquations equations{Eigen::MatrixXd(count, CountMonomials(most)),
+                             Eigen::MatrixX2d(count, 2),
+                             Eigen::VectorXd(count)};
   for (Eigen::Index i = 0; i < count; ++i) {
     const LatticeMeasurement& m = measurements[i];
-    equations.A.row(i) = lattice.Monomials(Vector2d(m.node.column, m.node.row), most);
+    equations.A.row(i) = lattice.TermsAt(Vector2d(m.node.column, m.node.row), most);
     equations.positions.row(i) = m.position;
     equations.precision[i] = 1 / (m.sigma * m.sigma);
   }
@@ -452,7 +450,7 @@ SmoothLattice SmoothLattice::Fit(std::span<const LatticeMeasurement> measurement
 }
 
 Vector2d SmoothLattice::Position(double column, double row) const {
-  return coefficients_ * Monomials({column, row}, degree_);
+  return coefficients_ * TermsAt({column, row}, degree_);
 }
 
 Matrix2d SmoothLattice::Basis(double column, double row) const {

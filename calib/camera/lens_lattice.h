@@ -74,6 +74,15 @@ struct LatticeMeasurement {
 /// Places of nodes as a polynomial of the lattice coordinates.
 class SmoothLattice {
  public:
+  static constexpr int kMaxDegree = 7;
+  /// Width of Tukey's biweight in standard deviations: 95 % efficiency for normal errors, for the
+  /// length of 2D residuals.
+  static constexpr double kTukeyWidth = 6.0;
+  /// Number of monomials of two coordinates up to a degree.
+  static constexpr int CountMonomials(int degree) { return (degree + 1) * (degree + 2) / 2; }
+  /// They at a place, by degree, at most `kMaxDegree`.
+  static Eigen::VectorXd Monomials(const Eigen::Vector2d& place, int degree);
+
   /// Robust fit (Tukey's biweight). The degree, 1 to 7 (that of a radial distortion with three
   /// terms), is chosen by the Bayesian information criterion. Throws
   /// `Error` of kind kJob for fewer than 6 measurements.
@@ -96,7 +105,9 @@ class SmoothLattice {
   [[nodiscard]] double Sigma() const { return sigma_; }
 
  private:
-  [[nodiscard]] Eigen::VectorXd Monomials(const Eigen::Vector2d& coordinates, int degree) const;
+  [[nodiscard]] Eigen::VectorXd TermsAt(const Eigen::Vector2d& coordinates, int degree) const {
+    return Monomials((coordinates - middle_) / scale_, degree);
+  }
 
   int degree_ = 1;
   double sigma_ = 0;

@@ -2,17 +2,23 @@
 #include "calib/camera/micro_lens_array.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <optional>
 
 #include "calib/base/format_error.h"
+#include "calib/base/linear_algebra.h"
+#include "calib/base/number_text.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/csv.h"
+#include "calib/io/yaml.h"
 
 namespace plenocal {
 namespace {
@@ -163,6 +169,139 @@ MicroLensArray ReadMicroLenses(const std::filesystem::path& path, ImageSize imag
   if (!row || !column) IndexFromCentres(path, lines, &array);
   SetLatticeOfFile(path, &array);
   return array;
+}
+
+namespace {
+
+// Terms of the polynomials of a degree at a place in an image.
+Eigen::VectorXd TermsAt(const Eigen::Vector2d& position, int degree, ImageSize image_size) {
+  const Eigen::Vector2d size(image_size[0], image_size[1]);
+  const Eigen::Vector2d middle = (size.array() - 1) / 2;
+  return SmoothLattice::Monomials((position - middle) / (size.maxCoeff() / 2), degree);
+}
+
+LatticeErrors MakeErrors(const Eigen::MatrixXd& covariance, ImageSize image_size) {
+  return {image_size, {covariance.data(), covariance.data() + covariance.size()}};
+}
+
+// Sums over the measurements in a block of nodes, by their precision.
+struct Block {
+  double weight = 0;
+  Eigen::Vector2d residual{0, 0};
+  Eigen::VectorXd terms;
+};
+
+}  // namespace
+
+Eigen::MatrixXd LatticeErrors::Covariance() const {
+  const auto terms = std::lround(std::sqrt(covariance.size()));
+  return Eigen::Map<const Eigen::MatrixXd>(covariance.data(), terms, terms);
+}
+
+Eigen::MatrixXd LatticeErrors::Root() const {
+  const SymmetricEigen eigen = DecomposeSymmetric(Covariance());
+  return eigen.vectors * eigen.values.cwiseMax(0).cwiseSqrt().asDiagonal();
+}
+
+Eigen::VectorXd LatticeErrors::Terms(const Eigen::Vector2d& position) const {
+  int degree = 0;
+  while (SmoothLattice::CountMonomials(degree) < Covariance().rows()) ++degree;
+  return TermsAt(position, degree, image_size);
+}
+
+LatticeErrors ErrorsOfNominalGrid(ImageSize image_size) {
+  constexpr double kOffset = 0.1, kScale = 1e-4;  // px; of each of scale, rotation and shears
+  // Two coefficients of independent errors make each of these: their mean has half the variance.
+  const double slope = std::numbers::sqrt2 * kScale * std::max(image_size[0], image_size[1]) / 2;
+  const Eigen::Vector3d sigma(kOffset, slope, slope);
+  return MakeErrors(sigma.cwiseAbs2().asDiagonal().toDenseMatrix(), image_size);
+}
+
+LatticeErrors ErrorsOfFit(const SmoothLattice& lattice,
+                          std::span<const LatticeMeasurement> measurements,
+                          ImageSize image_size) {
+  constexpr size_t kFewest = 60, kMany = 300;
+  constexpr int kSide = 5;  // of a block, nodes
+  if (measurements.size() < kFewest) return ErrorsOfNominalGrid(image_size);
+  // A lower degree that fits as well leaves out terms that are there, if small.
+  const int degree = std::max(lattice.Degree(), measurements.size() < kMany ? 3 : 5);
+  const int terms = SmoothLattice::CountMonomials(degree);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(terms, terms);
+  std::map<std::array<int, 2>, Block> blocks;
+  double squares = 0, count = 0;
+  for (const LatticeMeasurement& m : measurements) {
+    const Eigen::Vector2d residual = m.position - lattice.Position(m.node.column, m.node.row);
+    if (residual.norm() > SmoothLattice::kTukeyWidth * lattice.Sigma() * m.sigma) continue;
+    const double weight = 1 / (m.sigma * m.sigma);
+    const Eigen::VectorXd of_place = TermsAt(m.position, degree, image_size);
+    information += weight * of_place * of_place.transpose();
+    const auto block_of = [](int index) { return (index - (index % kSide + kSide) % kSide); };
+    Block& block = blocks[{block_of(m.node.column), block_of(m.node.row)}];
+    if (block.terms.size() == 0) block.terms = Eigen::VectorXd::Zero(terms);
+    block.weight += weight;
+    block.residual += weight * residual;
+    block.terms += weight * of_place;
+    squares += weight * residual.squaredNorm();
+    ++count;
+  }
+  const Eigen::MatrixXd inverse = PseudoInverse(information);
+  double of_blocks = 0, expected = 0;  // squares of sums, and these of independent errors
+  for (const auto& [place, block] : blocks) {
+    of_blocks += block.residual.squaredNorm();
+    expected += 2 * (block.weight - block.terms.dot(inverse * block.terms));
+  }
+  const double variance =
+      std::max(squares / (2 * (count - terms)), expected > 0 ? of_blocks / expected : 0);
+  return MakeErrors(variance * inverse, image_size);
+}
+
+std::string FormatLatticeErrors(const LatticeErrors& errors) {
+  if (!errors.AreKnown()) return {};
+  const Eigen::MatrixXd C = errors.Covariance();
+  std::string text = fmt::format("plenocal: 1\nimage_size: [{}]\ncovariance:  # px^2\n",
+                                 fmt::join(errors.image_size, ", "));
+  for (Eigen::Index row = 0; row < C.rows(); ++row) {
+    std::vector<std::string> numbers;
+    for (Eigen::Index column = 0; column <= row; ++column) {
+      numbers.push_back(YamlNumber(C(row, column)));
+    }
+    text += fmt::format("  - [{}]\n", fmt::join(numbers, ", "));
+  }
+  return text;
+}
+
+LatticeErrors ReadLatticeErrors(const std::filesystem::path& path, ImageSize image_size) {
+  const YamlNode root = YamlNode::ReadFile(path);
+  static constexpr std::array<std::string_view, 2> kKeys{"image_size", "covariance"};
+  root.CheckVersion();
+  root.CheckKeys({"plenocal", kKeys[0], kKeys[1]});
+  root.RequireKeys(kKeys, "image_size: [2048, 2048]\ncovariance: [[4e-6]]\n");
+  const YamlNode size = root.At(kKeys[0]), covariance = root.At(kKeys[1]);
+  const std::vector<double> stated = size.AsNumbers(2);
+  if (stated[0] != image_size[0] || stated[1] != image_size[1]) {
+    size.Fail(fmt::format("the camera's images are {} pixels: the lattice is of another array",
+                          fmt::join(image_size, " x ")));
+  }
+  const std::vector<YamlNode> lines = covariance.Elements();
+  Eigen::MatrixXd C(lines.size(), lines.size());
+  for (Eigen::Index row = 0; row < C.rows(); ++row) {
+    const auto count = static_cast<size_t>(row + 1);
+    const std::vector<double> numbers = lines[count - 1].AsNumbers(count);
+    C.row(row).head(row + 1) = Eigen::Map<const Eigen::RowVectorXd>(numbers.data(), row + 1);
+    C.col(row).head(row + 1) = C.row(row).head(row + 1);
+  }
+  int degree = 0;
+  while (SmoothLattice::CountMonomials(degree) < C.rows()) ++degree;
+  if (SmoothLattice::CountMonomials(degree) != C.rows() || degree > SmoothLattice::kMaxDegree) {
+    covariance.Fail("expected the lower triangle of 1, 3, 6, 10, 15, 21, 28 or 36 rows");
+  }
+  constexpr double kRounding = 1e-9;  // of numbers with 12 digits
+  const Eigen::VectorXd spectrum = DecomposeSymmetric(C).values;
+  const double largest = spectrum.cwiseAbs().maxCoeff(), side = std::max(stated[0], stated[1]);
+  if (!(spectrum[0] >= -kRounding * largest && largest < side * side)) {
+    covariance.Fail("expected px^2: no negative variance, and no error as large as the image");
+  }
+  return MakeErrors(C, image_size);
 }
 
 }  // namespace plenocal

@@ -8,6 +8,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
+#include "calib/estimate/common_errors.h"
 #include "calib/estimate/estimation_findings.h"
 #include "calib/estimate/rig_rigidity.h"
 #include "calib/estimate/solve.h"
@@ -270,6 +271,8 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   if (ShowsOnePose(calibration.bundle, solve.typical_sigmas)) {
     calibration.uncertainty = UncertaintyOfOnePose(calibration.bundle);
     calibration.findings.push_back(FindingOfOnePose(calibration.frames.size()));
+  } else {
+    AddLatticeErrors(input.cameras, calibration.bundle, &calibration.uncertainty);
   }
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     calibration.fits.push_back(MeasureFit(calibration.bundle, c, guess.sigmas[c]));

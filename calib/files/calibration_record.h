@@ -101,9 +101,11 @@ struct CalibratedCamera {
   /// By how much later than their times say its images were taken, by the clock of the first
   /// camera, s; not set: not estimated.
   std::optional<TimeShift> time_shift = {};
-  /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the
-  /// attenuation, pictures of one frame; and that frame's name. Empty: there is none.
-  std::string micro_lenses = {}, vignetting = {}, sample = {}, sample_depth = {}, sample_frame = {};
+  /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the errors of
+  /// their centres, the attenuation, pictures of one frame; and that frame's name. Empty: there is
+  /// none.
+  std::string micro_lenses = {}, lattice = {}, vignetting = {};
+  std::string sample = {}, sample_depth = {}, sample_frame = {};
   /// Optics by lens type of a plenoptic camera; empty where the blur does not determine them.
   std::vector<LensTypeOptics> lens_type_optics = {};
   std::vector<std::string> at_bound = {};  ///< parameters estimated at a bound of the session
@@ -127,8 +129,9 @@ struct CalibratedCamera {
 std::optional<MicroLensGeometry> MicroLensGeometryOf(const CalibratedCamera& camera);
 
 /// The keys of `CalibratedCamera`'s texts in calibration.yaml.
-inline constexpr std::array<std::pair<const char*, std::string CalibratedCamera::*>, 5>
+inline constexpr std::array<std::pair<const char*, std::string CalibratedCamera::*>, 6>
     kCameraTextKeys{{{"micro_lenses", &CalibratedCamera::micro_lenses},
+                     {"lattice", &CalibratedCamera::lattice},
                      {"vignetting", &CalibratedCamera::vignetting},
                      {"sample", &CalibratedCamera::sample},
                      {"sample_depth", &CalibratedCamera::sample_depth},

@@ -266,6 +266,7 @@ MicroLensArray ReadRayCalibData(const std::filesystem::path& path, ImageSize ima
   FillImage(origin, basis, type_of_colour, &array);
   if (array.lenses.empty()) Refuse(path, "no micro lens lies in the image");
   NumberLensTypes(&array);
+  array.errors = ErrorsOfNominalGrid(image_size);
   return array;
 }
 

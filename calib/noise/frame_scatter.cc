@@ -274,33 +274,14 @@ SystematicScatter EstimateScatter(const Bundle& bundle, const Uncertainty& uncer
 }
 
 void ScaleByScatter(const std::vector<double>& factors, Uncertainty* uncertainty) {
-  MatrixXd& C = uncertainty->covariance;
-  VectorXd scale = VectorXd::Ones(C.rows());  // of each unknown's variance
+  VectorXd scale = VectorXd::Ones(uncertainty->covariance.rows());  // of each unknown's variance
   for (size_t c = 0; c < factors.size(); ++c) {
     for (const int index : IndicesOf(*uncertainty, c)) {
       scale[index] = std::max(scale[index], factors[c]);
     }
   }
-  const VectorXd root = scale.cwiseSqrt(), before = C.diagonal();
-  C = root.asDiagonal() * C * root.asDiagonal();
-  for (size_t c = 0; c < factors.size(); ++c) {
-    for (size_t k = 0; k < uncertainty->param_std_errors[c].size(); ++k) {
-      const int index = uncertainty->param_index[c][k];
-      if (index < 0 || !(before[index] > 0)) continue;
-      uncertainty->param_std_errors[c][k] *= std::sqrt(C(index, index) / before[index]);
-    }
-    const int first = uncertainty->extrinsics_index[c];
-    // An unknown without any information stays infinite.
-    for (int i = 0; first >= 0 && i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) {
-        double& entry = uncertainty->extrinsics_covariance[c](i, j);
-        if (std::isfinite(entry)) entry = C(first + i, first + j);
-      }
-    }
-  }
-  const VectorXd sigma = C.diagonal().cwiseMax(1e-300).cwiseSqrt();
-  uncertainty->correlation =
-      sigma.cwiseInverse().asDiagonal() * C * sigma.cwiseInverse().asDiagonal();
+  const VectorXd root = scale.cwiseSqrt();
+  SetCovariance(root.asDiagonal() * uncertainty->covariance * root.asDiagonal(), uncertainty);
 }
 
 }  // namespace plenocal

@@ -314,6 +314,12 @@ void OpenScale(const Bundle& bundle,
   inverse->AddUndetermined(direction.cwiseProduct(naming.unit), naming);
 }
 
+void SetCorrelation(Uncertainty* uncertainty) {
+  const Eigen::MatrixXd& C = uncertainty->covariance;
+  const Eigen::VectorXd inverse = C.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  uncertainty->correlation = inverse.asDiagonal() * C * inverse.asDiagonal();
+}
+
 // Sets the results that follow from the information on parameters and extrinsics, with priors.
 void SetFromInformation(const Bundle& bundle,
                         const UnknownLayout& layout,
@@ -330,9 +336,7 @@ void SetFromInformation(const Bundle& bundle,
   result->open = inverse.open;
   result->undetermined = inverse.undetermined;
   SetCameraErrors(inverse, layout, result);
-  const Eigen::VectorXd sigma = result->covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
-  result->correlation =
-      sigma.cwiseInverse().asDiagonal() * result->covariance * sigma.cwiseInverse().asDiagonal();
+  SetCorrelation(result);
 }
 
 Uncertainty UncertaintyWithLandmarks(const Bundle& bundle,
@@ -450,6 +454,28 @@ Uncertainty EstimateUncertainty(const Bundle& bundle) { return Estimate(bundle, 
 
 Uncertainty EstimateUncertaintyByMotion(const Bundle& bundle) {
   return Estimate(bundle, By::kMotion);
+}
+
+void SetCovariance(const Eigen::MatrixXd& covariance, Uncertainty* uncertainty) {
+  Eigen::MatrixXd& C = uncertainty->covariance;
+  const Eigen::VectorXd before = C.diagonal();
+  C = covariance;
+  for (size_t c = 0; c < uncertainty->param_index.size(); ++c) {
+    for (size_t k = 0; k < uncertainty->param_std_errors[c].size(); ++k) {
+      const int index = uncertainty->param_index[c][k];
+      if (index < 0 || !(before[index] > 0)) continue;
+      uncertainty->param_std_errors[c][k] *= std::sqrt(C(index, index) / before[index]);
+    }
+    const int first = uncertainty->extrinsics_index[c];
+    // An unknown without any information stays infinite.
+    for (int i = 0; first >= 0 && i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) {
+        double& entry = uncertainty->extrinsics_covariance[c](i, j);
+        if (std::isfinite(entry)) entry = C(first + i, first + j);
+      }
+    }
+  }
+  SetCorrelation(uncertainty);
 }
 
 }  // namespace plenocal

@@ -66,4 +66,7 @@ Uncertainty EstimateUncertainty(const Bundle& bundle);
 /// directions that the noise of the poses seems to determine are left open (`Separate`).
 Uncertainty EstimateUncertaintyByMotion(const Bundle& bundle);
 
+/// Gives the cameras' unknowns another covariance, and the standard errors that follow.
+void SetCovariance(const Eigen::MatrixXd& covariance, Uncertainty* uncertainty);
+
 }  // namespace plenocal

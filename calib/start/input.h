@@ -11,6 +11,7 @@
 #include "calib/adjust/bundle.h"
 #include "calib/base/robust.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/micro_lens_array.h"
 
 namespace plenocal {
 
@@ -24,6 +25,7 @@ struct CameraInput {
   std::vector<ParamRule> rules = {};           ///< per parameter, or empty
   ImageSize image_size{};
   std::vector<View> views;
+  LatticeErrors lattice_errors = {};  ///< of the micro-image centres in `views`
   /// By frame: when its image was taken, by the camera's clock, s; empty: not known.
   std::map<std::string, double> times = {};
 };

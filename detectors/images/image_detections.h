@@ -11,6 +11,7 @@
 
 #include "calib/camera/bayer.h"
 #include "calib/camera/lens_type_optics.h"
+#include "calib/camera/micro_lens_array.h"
 #include "calib/camera/observation.h"
 #include "calib/files/frame_images.h"
 #include "calib/io/detection_cache.h"
@@ -34,8 +35,9 @@ struct ImageDetections {
   std::vector<std::string> warnings;  ///< of the white images of a plenoptic camera
   size_t reused = 0;                  ///< images whose markers were taken over from an earlier run
   std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
-  std::string vignetting;    ///< of vignetting_<camera>.tiff; empty without white images
-  SampleView sample;         ///< of the frame with most markers
+  LatticeErrors lattice_errors;       ///< of its centres
+  std::string vignetting;             ///< of vignetting_<camera>.tiff; empty without white images
+  SampleView sample;                  ///< of the frame with most markers
   std::vector<BlurMeasurement> blur;  ///< of markers in micro images; of ordinary cameras none
   CameraTraits traits;                ///< of all images of that size
 };

@@ -78,9 +78,15 @@ auto EntryMembers(T& lens) {
   return std::tie(lens.row, lens.column, lens.centre, lens.type, lens.usable);
 }
 
+template <MaybeConst<LatticeErrors> T>
+auto EntryMembers(T& errors) {
+  return std::tie(errors.image_size, errors.covariance);
+}
+
 template <MaybeConst<MicroLensArray> T>
 auto EntryMembers(T& array) {
-  return std::tie(array.image_size, array.types, array.e_column, array.e_row, array.lenses);
+  return std::tie(
+      array.image_size, array.types, array.e_column, array.e_row, array.lenses, array.errors);
 }
 
 template <MaybeConst<LeftOut> T>

@@ -250,6 +250,7 @@ ImageDetections DetectPlenopticImages(const std::vector<FrameImage>& images,
   detections.left_out = std::move(micro_lenses.left_out);
   detections.warnings = std::move(micro_lenses.warnings);
   detections.micro_lenses = FormatMicroLenses(camera.array);
+  detections.lattice_errors = camera.array.errors;
   detections.vignetting = EncodeImage(".tiff", camera.attenuation);
   if (options.keep) options.keep("micro_lenses.png", micro_lenses.grid_png);
   RawDetector detector(target, camera, options, &cache);

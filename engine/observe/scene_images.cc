@@ -233,6 +233,11 @@ class SceneImageFollower {
                                        "micro_lenses",
                                        fmt::format("micro_lenses_{}.csv", camera.name),
                                        FormatMicroLenses(optics->second.array)});
+      input.lattice_errors = optics->second.array.errors;
+      result_.session.files.push_back({c,
+                                       "lattice",
+                                       fmt::format("lattice_{}.yaml", camera.name),
+                                       FormatLatticeErrors(input.lattice_errors)});
       result_.session.files.push_back({c,
                                        "vignetting",
                                        fmt::format("vignetting_{}.tiff", camera.name),

@@ -64,6 +64,13 @@ class Collector {
     CameraInput input = InputWithoutViews(camera);
     input.views = camera.detections.empty() ? camera.given_views
                                             : ReadDetections(camera.detections, *camera.model);
+    const std::filesystem::path lattice =
+        camera.detections.parent_path() / fmt::format("lattice_{}.yaml", camera.name);
+    if (camera.model->plenoptic && !camera.detections.empty() && exists(lattice)) {
+      input.lattice_errors = ReadLatticeErrors(lattice, camera.image_size);
+      run_.Message(
+          fmt::format("{}: errors of micro-image centres from {}", camera.name, lattice.string()));
+    }
     std::vector<LeftOut> left_out;
     exclusion_.RemoveViews(camera.name, {}, &input.views, &left_out);
     if (camera.model->assign_lens_types != nullptr) camera.model->assign_lens_types(&input.views);
@@ -101,6 +108,7 @@ class Collector {
     CameraInput input = InputWithoutViews(camera);
     input.image_size = found.image_size;
     input.views = std::move(found.views);
+    input.lattice_errors = found.lattice_errors;
     for (const FrameImage& image : images.images) {
       if (image.time) input.times[image.frame] = *image.time;
     }
@@ -252,6 +260,8 @@ class Collector {
           {collected_.cameras.size(), key, std::move(name), std::move(*content)});
     };
     add("micro_lenses", fmt::format("micro_lenses_{}.csv", camera), &found->micro_lenses);
+    std::string lattice = FormatLatticeErrors(found->lattice_errors);
+    add("lattice", fmt::format("lattice_{}.yaml", camera), &lattice);
     add("vignetting", fmt::format("vignetting_{}.tiff", camera), &found->vignetting);
     add("sample", fmt::format("sample_{}.jpg", camera), &found->sample.picture);
     add("sample_depth", fmt::format("virtual_depth_{}.jpg", camera), &found->sample.depth);

@@ -71,6 +71,7 @@ void Write(const std::string& camera, const WhiteCamera& white, bool xml, Output
   }
   if (!white.grid) return;
   out->Write(fmt::format("micro_lenses_{}.csv", camera), FormatMicroLenses(white.grid->array));
+  out->Write(fmt::format("lattice_{}.yaml", camera), FormatLatticeErrors(white.grid->array.errors));
   out->Write(fmt::format("grid_{}.png", camera), white.grid_png);
   if (!xml) return;
   out->Write(fmt::format("micro_lenses_{}.xml", camera), RayCalibDataXml(white.grid->array));

@@ -81,7 +81,9 @@ void CopyCameraFiles(const std::vector<CalibrationRecord>& records,
                      CalibrationRecord* merged,
                      OutputFolder* out) {
   for (CalibratedCamera& camera : merged->cameras) {
-    for (const auto member : {&CalibratedCamera::micro_lenses, &CalibratedCamera::vignetting}) {
+    for (const auto member : {&CalibratedCamera::micro_lenses,
+                              &CalibratedCamera::lattice,
+                              &CalibratedCamera::vignetting}) {
       fs::path file;
       for (const CalibrationRecord& record : records) {
         for (const CalibratedCamera& other : record.cameras) {

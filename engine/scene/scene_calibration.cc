@@ -11,6 +11,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
+#include "calib/estimate/common_errors.h"
 #include "calib/estimate/solve.h"
 #include "calib/estimate/start_rig.h"
 #include "engine/scene/scene_findings.h"
@@ -154,6 +155,7 @@ class SceneCalibration {
     const Solution solution = SolveBundle();
     SetByOthers(&calibration_.bundle);
     calibration_.uncertainty = solution.uncertainty;
+    AddLatticeErrors(input_.cameras.inputs, calibration_.bundle, &calibration_.uncertainty);
     calibration_.converged = solution.converged;
     calibration_.iterations = solution.iterations;
     calibration_.rejection_threshold = solution.rejection_threshold;

@@ -67,8 +67,8 @@ def white(
 
     Args:
         images: a `Session` or its file; or, with `model`, a folder, a glob or files of one camera.
-        out: folder for vignetting_<camera>.tiff, noise_<camera>.yaml, micro_lenses_<camera>.csv and
-            grid_<camera>.png; None: none are written.
+        out: folder for vignetting_<camera>.tiff, noise_<camera>.yaml, micro_lenses_<camera>.csv,
+            lattice_<camera>.yaml and grid_<camera>.png; None: none are written.
         model: camera model of the images (`models()`); empty: `images` is a session.
         camera: name for the results; empty: that of the images' folder.
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.

@@ -264,6 +264,7 @@ class FormatsPage : public Workspace {
       if (name.starts_with("micro_lenses_")) {
         SeeColumns(file, "Columns of `micro_lenses_<camera>.csv`");
       }
+      if (name.starts_with("lattice_")) SeeYaml(file, "Keys of `lattice_<camera>.yaml`");
       if (name == "frames.csv") {
         SeeColumns(file, "Columns of frames.csv", [](const std::string& column) {
           return column.starts_with("markers_") ? "markers_<camera>" : column;
@@ -565,7 +566,7 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "rig", "--no-report"}).status, kDone);
   SeeCalibrationOf({"rectify", "rig/calibration.yaml"});
   // These need a calibration from plenoptic images, which takes long.
-  ExpectAllSeen({"sample_depth", "lens_types"});
+  ExpectAllSeen({"lattice", "sample_depth", "lens_types"});
 }
 
 TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {
@@ -626,6 +627,7 @@ TEST_F(FormatsPage, HasWhatWhiteAndFocusWrite) {
   const Outcome white = Run({"white", "set/session.yaml", "-o", "white"});
   ASSERT_EQ(white.status, kDone) << white.err;
   SeeColumns("white/micro_lenses_cam.csv", "Columns of `micro_lenses_<camera>.csv`");
+  SeeYaml("white/lattice_cam.yaml", "Keys of `lattice_<camera>.yaml`");
   const Outcome focus = Run({"focus", "set/cam", "--white", "set/cam_white", "-o", "focused"});
   ASSERT_EQ(focus.status, kDone) << focus.err;
   SeeYaml("focused/focused.yaml", "Keys of focused.yaml");

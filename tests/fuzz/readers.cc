@@ -242,6 +242,10 @@ void ReadMicroLensFile(const fs::path& path) {
   CheckMicroLenses(ReadMicroLenses(path, kImageSize));
 }
 
+void ReadLatticeFile(const fs::path& path) {
+  RequireFiniteMatrix("root of the lattice's errors", ReadLatticeErrors(path, kImageSize).Root());
+}
+
 void CheckTrajectory(const Trajectory& trajectory) {
   RequireFinite("times", trajectory.times);
   for (const auto& position : trajectory.positions) RequireFiniteMatrix("positions", position);
@@ -402,6 +406,7 @@ std::vector<Reader> MakeReaders() {
       {"scene_points", "points.csv", ReadScenePointsFile},
       {"groundtruth", "groundtruth.yaml", ReadGroundTruthFile},
       {"micro_lenses", "micro_lenses.csv", ReadMicroLensFile},
+      {"lattice", "lattice.yaml", ReadLatticeFile},
       {"trajectory", "trajectory.txt", trajectory},
       {"trajectory_times", "times.txt", ReadTimesFile},
       {"recording", "recording.yaml", ReadRecordingYaml},

@@ -9,10 +9,10 @@
 #include <optional>
 
 #include "assess/causes/cause.h"
-#include "calib/adjust/rows.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/lens_type_optics.h"
 #include "calib/camera/micro_lens_array.h"
+#include "calib/estimate/common_errors.h"
 #include "calib/noise/uncertainty.h"
 
 namespace plenocal {
@@ -44,61 +44,22 @@ struct Distances {
   }
 };
 
-/// The two derivatives of a measured point by the tilt, 1 / rad, from those by the distances: its
-/// micro lens is t . c_ML farther from the sensor and nearer to main lens and pupil. Zeros outside
-/// the model's domain.
-Eigen::Matrix2d ByTilt(const Bundle& bundle,
-                       const BundleObservation& observation,
-                       const Distances& of) {
-  const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
-  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J(2, camera.params.size());
-  Eigen::Vector2d residual;
-  if (!internal::Linearise(camera,
-                           internal::ViewOf(bundle,
-                                            static_cast<size_t>(observation.frame),
-                                            static_cast<size_t>(observation.camera)),
-                           bundle.markers[static_cast<size_t>(observation.marker)].position,
-                           observation,
-                           {.residual = residual.data(), .J_params = J.data()})) {
-    return Eigen::Matrix2d::Zero();
-  }
-  const auto column = [&](size_t k) { return J.col(static_cast<Eigen::Index>(k)); };
-  Eigen::Vector2d by_delta = column(of.B) - column(of.b_L0);
-  const double pupil = of.Pupil(camera.params);
-  if (of.b_P != of.b_L0) by_delta -= column(of.b_P) * (of.inverse ? -1 / (pupil * pupil) : 1);
-  // The rows are those of measured less predicted, in standard deviations.
-  by_delta *= -camera.noise.OwnSigma(observation.assumed_sigma);
+/// The bundle with the tilt as two more shared errors of a camera, in units of `unit` rad: a micro
+/// lens is t . c_ML farther from the sensor and nearer to main lens and pupil.
+Bundle WithTilt(const Bundle& bundle, size_t c, const Distances& of, double unit) {
+  const BundleCamera& camera = bundle.cameras[c];
   const std::vector<double>& p = camera.params;
-  const Eigen::Vector2d c_ML = Eigen::Vector2d(observation.seen.values[2] - p[of.c_x],
-                                               observation.seen.values[3] - p[of.c_y]) *
-                               (camera.config[0] * pupil / (pupil + p[of.B]));
-  return by_delta * c_ML.transpose();
-}
-
-/// The bundle with the tilt as two more shared errors of a camera, in units of `unit` rad.
-Bundle WithTilt(Bundle bundle, size_t c, const Distances& of, double unit) {
-  BundleCamera& camera = bundle.cameras[c];
-  const auto stated =
-      static_cast<size_t>(std::ranges::count(camera.nuisances, &nuisances::kSharedError));
-  for (BundleObservation& observation : bundle.observations) {
-    if (observation.camera != static_cast<int>(c) || !observation.used) continue;
-    const Eigen::Matrix2d by_tilt = unit * ByTilt(bundle, observation, of);
-    std::vector<double> by_nuisance(2 * (stated + 2), 0.0);
-    for (size_t r = 0; r < 2; ++r) {
-      const auto row = by_nuisance.begin() + static_cast<std::ptrdiff_t>(r * (stated + 2));
-      if (!observation.by_nuisance.empty()) {
-        std::copy_n(
-            observation.by_nuisance.begin() + static_cast<std::ptrdiff_t>(r * stated), stated, row);
-      }
-      for (size_t k = 0; k < 2; ++k) {
-        row[static_cast<std::ptrdiff_t>(stated + k)] =
-            by_tilt(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k));
-      }
-    }
-    observation.by_nuisance = std::move(by_nuisance);
-  }
-  for (int k = 0; k < 2; ++k) AddNuisance(nuisances::kSharedError, 1, &camera);
-  return bundle;
+  const double pupil = of.Pupil(p);
+  const auto by_tilt = [&](const Observation& seen, const Eigen::MatrixXd& J) -> Eigen::MatrixXd {
+    const auto column = [&](size_t k) { return J.col(static_cast<Eigen::Index>(k)); };
+    Eigen::Vector2d by_delta = column(of.B) - column(of.b_L0);
+    if (of.b_P != of.b_L0) by_delta -= column(of.b_P) * (of.inverse ? -1 / (pupil * pupil) : 1);
+    const Eigen::Vector2d c_ML =
+        Eigen::Vector2d(seen.values[2] - p[of.c_x], seen.values[3] - p[of.c_y]) *
+        (camera.config[0] * pupil / (pupil + p[of.B]));
+    return unit * by_delta * c_ML.transpose();
+  };
+  return WithSharedErrors(bundle, c, 2, by_tilt);
 }
 
 /// Relative error of distances about `z` through a micro lens that is `delta` farther from the

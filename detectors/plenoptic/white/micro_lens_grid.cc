@@ -158,6 +158,7 @@ void SetLattice(const SmoothLattice& lattice,
   const Matrix2d there = BasisInMiddle(lattice, size);
   grid->array.e_column = there.col(0);
   grid->array.e_row = there.col(1);
+  grid->array.errors = ErrorsOfFit(lattice, measurements, size);
 }
 
 /// Throws `Error` unless the cells of the grid are brighter in the middle than at their corners, as
@@ -200,7 +201,7 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   if (!basis) {
     throw JobError(
         "the white images show no hexagonal or rectangular lattice of micro images; are they of a plenoptic "
-        "camera, and in focus?");
+        "camera, in focus and lit all over?");
   }
   const double pitch = basis->colwise().norm().mean();
   std::vector<LatticeMeasurement> measurements;

@@ -124,6 +124,12 @@ WhiteCamera MeasureWhite(const std::vector<FrameImage>& images,
     *levelled = options.bayer ? LevelBayerPlanes(white.mean) : white.mean;
     camera.grid = MeasureGrid(*levelled, options, camera.warnings);
     CheckUsable(camera.grid->array, options);
+    const LatticeErrors nominal = ErrorsOfNominalGrid(camera.image_size);
+    if (!options.grid_file && camera.grid->array.errors.covariance == nominal.covariance) {
+      camera.warnings.emplace_back(
+          "fewer than 60 whole micro images do not show the errors of their centres: 0.1 px is "
+          "assumed, which makes standard errors large");
+    }
     *attenuation = MicroLensAttenuation(white.mean, *camera.grid, options.bayer);
   } else {
     CheckEvenField(white.mean);

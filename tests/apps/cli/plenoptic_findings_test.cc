@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Findings on plenoptic cameras, by simulated points: a tilted micro-lens array before a model
-// without a tilt; the remedy for parameters that the distances do not determine.
+// without a tilt; the remedy for parameters that the distances do not determine; errors of the
+// micro-image centres.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
@@ -65,6 +66,20 @@ TEST_F(PlenopticFindings, AParallelArrayIsNotNamed) {
 TEST_F(PlenopticFindings, TheRemedyForOneDistanceStatesIt) {
   EXPECT_THAT(Calibrate(0, 0, "kind: varied, frames: 2, distance: [0.4, 0.41]").out,
               AllOf(HasSubstr("the target was seen from 0.3"), Not(HasSubstr("from inf"))));
+}
+
+TEST_F(PlenopticFindings, ErrorsOfCentresBesideTheDetectionsAreInTheStandardErrors) {
+  const auto sigma = [&] { return Result()["cameras"]["raw"]["sigma"]["c_x"].as<double>(); };
+  Calibrate(0, 0, kManyDistances);
+  const double exact = sigma();
+  const std::string lattice = "plenocal: 1\nimage_size: [900, 900]\ncovariance: [[400]]\n";
+  Write("set/lattice_raw.yaml", lattice);
+  EXPECT_EQ(Run({"calibrate", "set/session.yaml", "-o", "out"}).status, kDone);
+  EXPECT_GT(sigma(), 5 * exact);
+  Write("set/lattice_raw.yaml", Replaced(lattice, "[900, 900]", "[900, 800]"));
+  const Outcome refused = Run({"calibrate", "set/session.yaml", "-o", "other"});
+  EXPECT_EQ(refused.status, kWrongInput);
+  EXPECT_THAT(refused.err, HasSubstr("lattice_raw.yaml:2:13: image_size: "));
 }
 
 }  // namespace TEST_FILE

@@ -127,6 +127,22 @@ TEST_F(WhiteCommand, LeavesOutAnImageThatDiffers) {
   EXPECT_THAT(outcome.out, HasSubstr("3 of 4 white images"));
 }
 
+TEST_F(WhiteCommand, SaysThatFewMicroImagesDoNotShowTheirErrors) {
+  WriteWhites(Render({.size = {130, 100}, .pitch = 17}).white);
+  const Outcome outcome = White();
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("fewer than 60 whole micro images"));
+  WriteWhites(Render(kField).white);
+  EXPECT_THAT(White().err, Not(HasSubstr("fewer than 60")));
+}
+
+TEST_F(WhiteCommand, RefusesAnArrayWhoseHalfIsDark) {
+  cv::Mat white = Render(kField).white;
+  white.colRange(190, 400) *= 0.01;
+  WriteWhites(white);
+  ExpectRefused(kJobFailed, {"are they of a plenoptic camera, in focus and lit all over?"});
+}
+
 TEST_F(WhiteCommand, WarnsOfAMosaicThatWasNotAnnounced) {
   WhiteField field = kField;
   field.bayer = true;

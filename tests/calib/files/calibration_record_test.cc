@@ -82,6 +82,7 @@ CalibratedCamera Plenoptic() {
                           .T_camera_rig = SomePose(0.2)};
   camera.sigma_xi << 1e-4, 2e-4, 3e-4, 1e-3, kInfinite, 3e-3;
   camera.micro_lenses = "micro_lenses_plenoptic.csv";
+  camera.lattice = "lattice_plenoptic.yaml";
   camera.vignetting = "vignetting_plenoptic.tiff";
   camera.sample = "sample_plenoptic.jpg";
   camera.sample_frame = "0001: \"quoted\"";

@@ -19,7 +19,7 @@ constexpr const char* kWhiteHelp =
     "  plenocal white session.yaml -o OUT\n"
     "  plenocal white FOLDER --model focused-plenoptic -o OUT\n"
     "\n"
-    "writes OUT/vignetting_<camera>.tiff, noise_<camera>.yaml and, for a plenoptic camera, micro_lenses_<camera>.csv and grid_<camera>.png.";
+    "writes OUT/vignetting_<camera>.tiff, noise_<camera>.yaml and, for a plenoptic camera, micro_lenses_<camera>.csv, lattice_<camera>.yaml and grid_<camera>.png.";
 
 void DeclareWhite(CLI::App* app, WhiteRequest* arguments, ConsoleOptions* shared) {
   app->add_option("input", arguments->inputs, "session.yaml; with --model a folder, glob or files")
