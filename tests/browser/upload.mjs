@@ -64,7 +64,7 @@ async function uploadAndTry(page, steps, server) {
   await target.waitFor({ timeout: kPatience });
   await target.fill((await target.inputValue()).replace(/^square:.*$/m, "square: 25 mm"));
   await page.locator("section", { has: target }).getByRole("button", { name: "Save" }).click();
-  await page.getByText(`${left.length} images, pinhole`).waitFor({ timeout: kPatience });
+  await page.getByText(`${left.length} images, auto`).waitFor({ timeout: kPatience });
 
   steps("models are tried, one is taken into the session, and taken back");
   await page.getByRole("button", { name: "Compare", exact: true }).click();

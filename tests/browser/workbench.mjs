@@ -166,7 +166,7 @@ async function editorBesideThePage(page, steps) {
   await page.getByRole("button", { name: "Set up", exact: true }).click();
   const good = text("session.yaml");
   await page.locator("img.target").waitFor({ timeout: kPatience });
-  writeFileSync(join(folder, "session.yaml"), good.replace("model: pinhole-radtan", "model: pinhole-radtam"));
+  writeFileSync(join(folder, "session.yaml"), good.replace("model: auto", "model: pinhole-radtam"));
   await page.getByText(/session.yaml:\d+.*pinhole-radtam/).first().waitFor({ timeout: kPatience });
   writeFileSync(join(folder, "session.yaml"), good);
   await page.getByText("left: 13 images").waitFor({ timeout: kPatience });
