@@ -114,7 +114,10 @@ PoseSpread MeasurePoseSpread(const CalibrationRecord& calibration, size_t c) {
   std::map<int, RigidTransform> poses;
   constexpr int kCells = 10;  // along the image's longer side
   const ImageGrid grid(camera.image_size, kCells);
-  std::vector<bool> seen(grid.Cells(), false);
+  std::vector<bool> seen(grid.Cells(), false), lit(grid.Cells(), true);
+  for (size_t cell = 0; camera.image_circle && cell < grid.Cells(); ++cell) {
+    lit[cell] = camera.image_circle->Has(grid.Middle(cell));
+  }
   for (const ResidualRow& row : camera.residuals) {
     if (!row.used) continue;
     x.push_back((row.values[0] + 0.5) / camera.image_size[0]);
@@ -131,8 +134,13 @@ PoseSpread MeasurePoseSpread(const CalibrationRecord& calibration, size_t c) {
   PoseSpread spread;
   if (x.empty()) return spread;
   spread.any = true;
-  spread.coverage = static_cast<double>(std::count(seen.begin(), seen.end(), true)) /
-                    static_cast<double>(grid.Cells());
+  double seen_and_lit = 0;
+  for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+    seen_and_lit += seen[cell] && lit[cell] ? 1 : 0;
+    if (!lit[cell]) seen[cell] = true;
+  }
+  spread.coverage = seen_and_lit /
+                    static_cast<double>(std::max(std::ranges::count(lit, true), std::ptrdiff_t{1}));
   spread.left = Quantile(x, kTail);
   spread.right = Quantile(x, 1 - kTail);
   spread.top = Quantile(y, kTail);

@@ -13,6 +13,7 @@
 
 #include "calib/adjust/nuisance.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/image_circle.h"
 #include "calib/camera/marker_freedom.h"
 #include "calib/camera/noise_model.h"
 #include "calib/camera/observation.h"
@@ -24,6 +25,7 @@ namespace plenocal {
 struct BundleCamera {
   std::string name = {};
   ImageSize image_size{};
+  std::optional<ImageCircle> image_circle = {};
   const CameraModel* model = nullptr;
   std::vector<double> config;
   std::vector<double> params;         ///< the model's, then the nuisance parameters

@@ -153,6 +153,7 @@ CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
       .name = camera.name,
       .model = camera.model,
       .image_size = camera.image_size,
+      .image_circle = camera.image_circle,
       .config = camera.config,
       .params = {camera.params.begin(), camera.params.begin() + own},
       .covariance =

@@ -142,6 +142,11 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   const auto add = [&](std::string_view key, const std::string& value) {
     text += fmt::format("    {}: {}\n", key, value);
   };
+  if (const std::optional<ImageCircle>& circle = camera.image_circle) {
+    const std::array numbers{
+        circle->centre.x(), circle->centre.y(), circle->radii.x(), circle->radii.y()};
+    add("image_circle", List(numbers, YamlNumber));
+  }
   for (size_t i = 0; i < camera.config.size(); ++i) {
     add(model.config[i].name, Exact(camera.config[i]));
   }
@@ -402,6 +407,7 @@ CalibratedCamera ReadCamera(const std::string& name,
   camera.name = name;
   camera.model = ReadModel(node.At("model"), models);
   camera.image_size = ReadImageSize(node.At("image_size"));
+  if (node.Has("image_circle")) camera.image_circle = ReadImageCircle(node.At("image_circle"));
   for (const Param& param : camera.model->config) {
     camera.config.push_back(ReadWithin(node.At(param.name), param));
   }
@@ -587,6 +593,16 @@ ImageSize ReadImageSize(const YamlNode& node) {
     if (size[i] < 1) elements[i].Fail("expected a positive number of pixels");
   }
   return size;
+}
+
+ImageCircle ReadImageCircle(const YamlNode& node) {
+  const std::vector<YamlNode> elements = node.Elements();
+  if (elements.size() != 4) node.Fail("expected [c_x, c_y, r_x, r_y], px");
+  const auto number = [&](size_t i) { return elements[i].AsNumber(); };
+  for (size_t i = 2; i < 4; ++i) {
+    if (!(number(i) > 0)) elements[i].Fail("expected a positive radius, px");
+  }
+  return {{number(0), number(1)}, {number(2), number(3)}};
 }
 
 double ReadWithin(const YamlNode& node, const Param& param) {

@@ -41,6 +41,9 @@ const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> 
 /// `[width, height]`, positive numbers of pixels. Throws likewise.
 ImageSize ReadImageSize(const YamlNode& node);
 
+/// `[c_x, c_y, r_x, r_y]`, px. Throws likewise.
+ImageCircle ReadImageCircle(const YamlNode& node);
+
 /// A value of `param`, within its limits. Throws likewise.
 double ReadWithin(const YamlNode& node, const Param& param);
 

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/image_circle.h"
 #include "calib/camera/lens_type_optics.h"
 #include "calib/camera/marker_freedom.h"
 #include "calib/camera/observation.h"
@@ -91,6 +92,7 @@ struct CalibratedCamera {
   std::string name;
   const CameraModel* model = nullptr;
   ImageSize image_size{};
+  std::optional<ImageCircle> image_circle = {};  ///< not set: the lens lights the whole image
   std::vector<double> config;
   std::vector<double> params;
   /// Covariance of `params`; zero for fixed ones. The variance of a parameter that was not

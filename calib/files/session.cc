@@ -37,7 +37,7 @@ void RefuseModelKeys(const YamlNode& node) {
 
 void CheckCameraKeys(const YamlNode& node, const CameraModel& model) {
   std::vector<std::string_view> known =
-      Words("model images topic white_images detections times image_size bayer");
+      Words("model images topic white_images detections times image_size image_circle bayer");
   for (const std::string_view key : Words(kModelKeys)) known.push_back(key);
   for (const Param& config : model.config) known.push_back(config.name);
   for (const auto& [key, value] : node.Entries()) {
@@ -128,6 +128,7 @@ SessionCamera ReadCamera(const std::string& name,
   } else if (node.Has("detections")) {
     node.Fail("a camera given by 'detections' needs 'image_size: [width, height]'");
   }
+  if (node.Has("image_circle")) camera.image_circle = ReadImageCircle(node.At("image_circle"));
   for (const Param& config : model.config) {
     camera.config.push_back(ReadWithin(node.At(config.name), config));
   }

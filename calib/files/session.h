@@ -14,6 +14,7 @@
 #include "calib/base/robust.h"
 #include "calib/camera/bayer.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/image_circle.h"
 #include "calib/camera/param_rule.h"
 #include "calib/camera/rigid_transform.h"
 #include "calib/files/frame_images.h"
@@ -48,6 +49,7 @@ struct SessionCamera {
   std::vector<View> given_views;               ///< in memory, in place of `detections`
   std::filesystem::path times;                 ///< of the images; empty: as the images have them
   ImageSize image_size{};                      ///< {0, 0}: taken from the images
+  std::optional<ImageCircle> image_circle;     ///< not set: taken from the images
   std::vector<double> config;                  ///< the model's config values
   std::vector<std::optional<double>> initial;  ///< per parameter
   std::vector<bool> fixed;                     ///< per parameter

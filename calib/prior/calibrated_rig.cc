@@ -116,6 +116,7 @@ double FactorOfSystematicErrors(const CalibrationRecord& record, const std::stri
 BundleCamera MakeCamera(const CalibratedCamera& camera, const CalibratedCamera& master) {
   BundleCamera made{.name = camera.name,
                     .image_size = camera.image_size,
+                    .image_circle = camera.image_circle,
                     .model = camera.model,
                     .config = camera.config,
                     .params = camera.params,

@@ -378,6 +378,7 @@ class Merger {
     CalibratedCamera merged{.name = camera.name,
                             .model = original.model,
                             .image_size = original.image_size,
+                            .image_circle = original.image_circle,
                             .config = original.config,
                             .params = camera.params,
                             .covariance = {},

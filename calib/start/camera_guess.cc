@@ -331,6 +331,7 @@ void CheckNotRefused(const CameraInput& camera, const StartProblem& problem) {
 BundleCamera MakeBundleCamera(const CameraInput& camera, std::vector<double> params) {
   BundleCamera made{.name = camera.name,
                     .image_size = camera.image_size,
+                    .image_circle = camera.image_circle,
                     .model = camera.model,
                     .config = camera.config,
                     .params = std::move(params),

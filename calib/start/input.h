@@ -24,6 +24,7 @@ struct CameraInput {
   std::vector<bool> fixed;                     ///< per parameter: keep it at `initial`
   std::vector<ParamRule> rules = {};           ///< per parameter, or empty
   ImageSize image_size{};
+  std::optional<ImageCircle> image_circle = {};  ///< not set: the lens lights the whole image
   std::vector<View> views;
   LatticeErrors lattice_errors = {};  ///< of the micro-image centres in `views`
   /// By frame: when its image was taken, by the camera's clock, s; empty: not known.

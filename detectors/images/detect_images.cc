@@ -18,6 +18,7 @@
 #include "detectors/images/attenuation.h"
 #include "detectors/images/detector_pool.h"
 #include "detectors/images/image.h"
+#include "detectors/images/image_circle.h"
 #include "detectors/images/opencv_threads.h"
 #include "detectors/images/pictures.h"
 #include "detectors/images/target_area.h"
@@ -58,6 +59,7 @@ struct ImageResult {
   ImageSize size{};
   MarkerDetections found;
   ImageTraits traits;
+  std::vector<std::uint8_t> levels;  // of `ImageCircleFit`
   std::string unreadable;
   bool reused = false;
 };
@@ -68,6 +70,7 @@ auto EntryMembers(T& result) {
                   result.traits.orientation,
                   result.traits.blur,
                   result.traits.saturated,
+                  result.levels,
                   result.found);
 }
 
@@ -168,6 +171,7 @@ std::string ImageRun::Detect(const FrameImage& image, ImageResult* result) {
     const internal::TargetArea area =
         internal::MeasureTargetArea(recorded, Shown(result->found).markers);
     result->traits = {content.Orientation(), area.blur, area.saturated};
+    result->levels = internal::CellLevels(recorded);
     cache_.Save(key, PackEntry(*result));
   }
   if (!options_.keep) return {};
@@ -361,7 +365,12 @@ ImageDetections ImageRun::Collect() {
   SettleLayout();
   UseCommonDistortion(detections.image_size);
   detections.left_out = std::move(white_.left_out);
-  for (size_t i = 0; i < images_.size(); ++i) Collect(i, &detections);
+  internal::ImageCircleFit circle(detections.image_size);
+  for (size_t i = 0; i < images_.size(); ++i) {
+    if (results_[i].size == detections.image_size) circle.Add(results_[i].levels);
+    Collect(i, &detections);
+  }
+  detections.image_circle = circle.Fit();
   detections.sample = Sample(detections);
   return detections;
 }

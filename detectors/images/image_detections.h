@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "calib/camera/bayer.h"
+#include "calib/camera/image_circle.h"
 #include "calib/camera/lens_type_optics.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/camera/observation.h"
@@ -31,9 +32,10 @@ struct SampleView {
 struct ImageDetections {
   std::vector<View> views;  ///< only images with markers, in the order of the images
   ImageSize image_size{};
-  std::vector<LeftOut> left_out;      ///< images and markers, with reasons
-  std::vector<std::string> warnings;  ///< of the white images of a plenoptic camera
-  size_t reused = 0;                  ///< images whose markers were taken over from an earlier run
+  std::optional<ImageCircle> image_circle;  ///< of ordinary cameras
+  std::vector<LeftOut> left_out;            ///< images and markers, with reasons
+  std::vector<std::string> warnings;        ///< of the white images of a plenoptic camera
+  size_t reused = 0;         ///< images whose markers were taken over from an earlier run
   std::string micro_lenses;  ///< of a plenoptic camera: the content of micro_lenses_<camera>.csv
   LatticeErrors lattice_errors;       ///< of its centres
   std::string vignetting;             ///< of vignetting_<camera>.tiff; empty without white images

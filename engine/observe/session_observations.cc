@@ -107,6 +107,7 @@ class Collector {
     Report(camera, images, found);
     CameraInput input = InputWithoutViews(camera);
     input.image_size = found.image_size;
+    if (!input.image_circle) input.image_circle = found.image_circle;
     input.views = std::move(found.views);
     input.lattice_errors = found.lattice_errors;
     for (const FrameImage& image : images.images) {

@@ -60,6 +60,7 @@ CameraInput InputWithoutViews(const SessionCamera& camera) {
   CameraInput input;
   input.name = camera.name;
   input.image_size = camera.image_size;
+  input.image_circle = camera.image_circle;
   UseSessionCamera(camera, &input);
   return input;
 }

@@ -37,6 +37,7 @@ CalibratedCamera Ordinary() {
   CalibratedCamera camera{.name = "left",
                           .model = FindModel(CameraModels(), "pinhole-radial3"),
                           .image_size = {640, 480},
+                          .image_circle = ImageCircle{{310.5, 245}, {280, 200.25}},
                           .config = {},
                           .params = {500.1, 501, 319.5, 239.5, -0.2, 1.0 / 3, kDenormal},
                           .covariance = {},
@@ -175,6 +176,11 @@ TEST_F(RecordFiles, KeepModelsParametersAndExtrinsicsExactly) {
     EXPECT_EQ(b.name, a.name);
     EXPECT_EQ(b.model, a.model);
     EXPECT_EQ(b.image_size, a.image_size);
+    ASSERT_EQ(b.image_circle.has_value(), a.image_circle.has_value());
+    if (a.image_circle) {
+      EXPECT_EQ(b.image_circle->centre, a.image_circle->centre);
+      EXPECT_EQ(b.image_circle->radii, a.image_circle->radii);
+    }
     EXPECT_EQ(b.config, a.config);
     EXPECT_EQ(b.params, a.params) << "to the last digit, next to a limit and denormal ones too";
     ExpectSame(b.T_camera_rig, a.T_camera_rig, 0);
@@ -324,6 +330,8 @@ TEST_F(RecordFiles, NamePlaceAndKeyOfAMistake) {
   };
   EXPECT_THAT(message("pinhole-radial3", "pinhole-radail3"), HasSubstr("pinhole-radial3"));
   EXPECT_THAT(message("image_size: [640, 480]", "image_size: [640]"), HasSubstr(":5:"));
+  EXPECT_THAT(message("image_circle: [310.5, 245, 280", "image_circle: [310.5, 245, 0"),
+              AllOf(HasSubstr(":6:"), HasSubstr("positive radius")));
   EXPECT_THAT(message("sigma_xi: [0.0001", "sigma_xi: [-0.0001"), HasSubstr("negative"));
   EXPECT_THAT(message("[0, 0, 0, 1]]", "[0, 0, 1, 1]]"), HasSubstr("T_camera_rig"));
   EXPECT_THAT(message("T_camera_rig: [[1,", "T_camera_rig: [[2,"), HasSubstr("no rotation"));
