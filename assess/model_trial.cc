@@ -16,11 +16,13 @@
 #include "assess/held_out/held_out_frames.h"
 #include "assess/held_out/held_out_scores.h"
 #include "assess/projection.h"
+#include "assess/projection_map.h"
 #include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/estimate/describe.h"
 #include "calib/estimate/weak_unknowns.h"
 #include "calib/files/session.h"
 
@@ -57,6 +59,17 @@ std::vector<std::string> UndeterminedOf(const Calibration& calibration) {
     }
   }
   return names;
+}
+
+// `ProjectionMap::Most` at the target's median distance, of the worst camera, px.
+double MostSigma(const Calibration& calibration, const std::vector<size_t>& cameras) {
+  const CalibrationRecord record = Describe(calibration);
+  double most = 0;
+  for (const size_t c : cameras) {
+    const std::vector<ProjectionMap> maps = ProjectionMaps(record, c);
+    most = std::max(most, maps.empty() ? std::numeric_limits<double>::infinity() : maps[1].Most());
+  }
+  return most;
 }
 
 /// What is tried: a model of the varied cameras, and how far the target may differ from its
@@ -350,8 +363,9 @@ class Trials {
     try {
       trial.image_sigma = TypicalImageSigma(trial.calibration, choice_.varied);
       trial.sigma = SupportedSigma(trial.calibration, choice_.varied);
+      trial.projection = MostSigma(trial.calibration, choice_.varied);
     } catch (const Error&) {
-      trial.image_sigma = trial.sigma = std::numeric_limits<double>::infinity();
+      trial.image_sigma = trial.sigma = trial.projection = std::numeric_limits<double>::infinity();
     }
   }
 
@@ -415,7 +429,8 @@ class Trials {
                std::pow(NoiseOf(choice_.trials[than]), 2);
   }
 
-  // Leaves parameters open, and a model with fewer that is common, or no rarer, predicts as well.
+  // Leaves parameters open, and a model with fewer that is common, or no rarer, predicts as well or
+  // gains more certainty over the whole image than it loses on held-out frames.
   void FindNeedlesslyOpen() {
     auto& trials = choice_.trials;
     for (size_t m = 0; m < trials.size(); ++m) {
@@ -426,11 +441,14 @@ class Trials {
         const bool is_common =
             Rarity(trial) <= std::max(Rarity(open), static_cast<int>(Usage::kCommon));
         if (!trial.comparable || !trial.undetermined.empty() || !is_common ||
-            !HasLessFreedom(trial, open) || IsClearlyWorse(s, m)) {
+            !HasLessFreedom(trial, open)) {
           continue;
         }
+        const double gain = scores_->Excess(residuals_[s], residuals_[m]);
+        const double cost = std::pow(open.projection, 2) - std::pow(trial.projection, 2);
+        if (IsClearlyWorse(s, m) && !(cost > gain)) continue;
         open.outweighed_by = s;
-        open.gain = std::sqrt(std::max(0.0, scores_->Excess(residuals_[s], residuals_[m])));
+        open.gain = std::sqrt(std::max(0.0, gain));
       }
     }
   }
@@ -474,6 +492,18 @@ class Trials {
             !each.marker_freedom.IsRigid(), Rarity(each), each.free_parameters, each.rms);
       };
       if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
+    }
+    FindDisagreement();
+  }
+
+  void FindDisagreement() {
+    const ModelTrial& recommended = choice_.trials[choice_.recommended];
+    for (const ModelTrial& trial : choice_.trials) {
+      if (!trial.comparable || trial.outweighed_by || !trial.undetermined.empty()) continue;
+      if (trial.probability < kSignificant && !trial.practically_equal) continue;
+      choice_.disagreement = std::max(
+          choice_.disagreement,
+          UnexplainedDifference(recommended.calibration, trial.calibration, choice_.varied));
     }
   }
 

@@ -51,6 +51,8 @@ struct ModelTrial {
   /// Standard error of the projection over the image at the target's distance, px RMS; infinite
   /// when a parameter is not determined.
   double image_sigma = 0;
+  /// The figure that the verdict judges (`ProjectionMap::Most`), of the worst varied camera, px.
+  double projection = 0;
   /// The same over the supported image (`SupportedSigma`).
   double sigma = 0;
   /// A simpler model of no rarer use, an index into the trials, over which this one gains less in
@@ -87,6 +89,9 @@ struct ModelChoice {
   double noise = 0;        ///< RMS length of the points' noise under the reference, px
   double sigma = 0;        ///< standard error of its projection over the supported image, px RMS
   size_t recommended = 0;  ///< index into `trials`
+  /// Error of the recommended model that the others show: the largest `UnexplainedDifference` from
+  /// one that predicts as well and leaves no parameter open, px.
+  double disagreement = 0;
 };
 
 /// Calibrates the session once with each model for the `varied` cameras (which keep the session's

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "assess/compare.h"
+#include "assess/projection_map.h"
 #include "assess/views/rig_estimate.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
@@ -136,6 +137,26 @@ double SupportedDifference(const Calibration& a,
           return pixel.difference_px.norm();
         });
   });
+}
+
+double UnexplainedDifference(const Calibration& a,
+                             const Calibration& b,
+                             std::span<const size_t> cameras) {
+  double largest = 0;
+  for (const size_t c : cameras) {
+    const CalibratedCamera camera = DescribeCamera(a, c);
+    std::vector<double> squares;
+    const CameraDifference difference =
+        CompareCameras(camera, DescribeCamera(b, c), {Median(PointDistances(a.bundle, c))});
+    for (const PixelDifference& pixel : difference.distances.at(0).pixels) {
+      if (camera.image_circle && !camera.image_circle->Has(pixel.u_px)) continue;
+      squares.push_back(pixel.difference_px.squaredNorm() -
+                        pixel.predicted_px * pixel.predicted_px);
+    }
+    if (squares.empty()) continue;
+    largest = std::max(largest, Quantile(std::move(squares), kMostOfImage));
+  }
+  return std::sqrt(largest);
 }
 
 ImageCovariance::ImageCovariance(const CalibratedCamera& camera) : finite_(camera.covariance) {

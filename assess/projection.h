@@ -26,6 +26,12 @@ double SupportedDifference(const Calibration& a,
                            const Calibration& b,
                            std::span<const size_t> cameras);
 
+/// Difference that the standard errors of both do not explain, px: at most this in nine tenths of
+/// the image (circle) at the target's median distance; the largest of the cameras.
+double UnexplainedDifference(const Calibration& a,
+                             const Calibration& b,
+                             std::span<const size_t> cameras);
+
 /// Covariance of image points from that of a camera's parameters, to first order.
 class ImageCovariance {
  public:

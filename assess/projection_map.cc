@@ -9,6 +9,7 @@
 
 #include "assess/views/projection_jacobian.h"
 #include "calib/base/linear_algebra.h"
+#include "calib/base/statistics.h"
 
 namespace plenocal {
 namespace {
@@ -62,6 +63,14 @@ double WorstSigma(const Eigen::MatrixXd& J, const Eigen::MatrixXd& covariance) {
 
 }  // namespace
 
+double ProjectionMap::Most(double systematic) const {
+  std::vector<double> known;
+  std::ranges::copy_if(
+      sigma, std::back_inserter(known), [](double each) { return !std::isnan(each); });
+  if (known.empty()) return std::nan("");
+  return std::hypot(Quantile(std::move(known), kMostOfImage), systematic);
+}
+
 std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
   constexpr int kCells = 24;
   const CalibratedCamera& camera = calibration.cameras[c];
@@ -101,6 +110,7 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
     auto& motion = by_motion.emplace_back(grid.Cells());
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
       if (!cell_values[cell]) continue;
+      if (camera.image_circle && !camera.image_circle->Has(grid.Middle(cell))) continue;
       const std::optional<Ray> ray = camera.model->Unproject(
           camera.params.data(), camera.config.data(), cell_values[cell]->data());
       if (!ray) continue;

@@ -10,13 +10,20 @@
 
 namespace plenocal {
 
+/// A camera is judged by what holds for this part of its image (circle).
+inline constexpr double kMostOfImage = 0.9;
+
 /// Uncertainty of the projection over the image of points at one distance.
 struct ProjectionMap {
   double distance = 0;  ///< of the points from the camera, m
   ImageGrid grid;
   /// Per cell: standard deviation of the projection in its worst direction, px; NaN outside the
-  /// domain of the model.
+  /// domain of the model and the image circle.
   std::vector<double> sigma;
+
+  /// What `kMostOfImage` of the cells keep, together with an error that is the same everywhere, px;
+  /// NaN where no cell forms an image.
+  [[nodiscard]] double Most(double systematic = 0) const;
 };
 
 /// Maps at the nearest, the median and the farthest distance of the used points and at ten times

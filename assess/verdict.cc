@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "assess/pose_spread.h"
 #include "assess/projection_map.h"
 #include "assess/residual_field.h"
+#include "calib/base/statistics.h"
 #include "calib/estimate/weak_unknowns.h"
 
 namespace plenocal {
@@ -19,10 +21,8 @@ namespace {
 // error of a pixel is larger than any detector's. Between them a projection that is as certain as
 // one measured point suffices, up to half a pixel.
 constexpr double kExactProjection = 0.1, kPoint = 0.5, kWholePixelError = 1;
-// Of half of the image at ten times the farthest point: focal length or centre is not known.
+// At ten times the farthest point: focal length or centre is not known.
 constexpr double kFarBad = 3;
-// A projection map counts by what holds for this part of the image.
-constexpr double kMostOfImage = 0.9;
 // Noise beyond this many times the detector's has another cause.
 constexpr double kNoiseRatio = 2;
 // Residuals of points whose detector states no sigma, px: corners of chessboards by hand have 0.5.
@@ -42,6 +42,10 @@ constexpr double kDepthWeak = 1.5, kDepthOne = 1.15;
 // Each view of a plane gives two equations on the intrinsics; the rest is redundancy.
 constexpr int kViewsUsable = 10, kViewsBad = 3;
 constexpr double kRejected = 0.05;  // part of the points
+// Parts of the image along its longer side, and frames that have rejected points in one: a wrong
+// image has them in a single frame.
+constexpr int kPartCells = 8;
+constexpr size_t kFewestPartFrames = 3;
 
 std::string Length(double metres) {
   return metres < 1 ? fmt::format("{:.3g} mm", 1e3 * metres) : fmt::format("{:.3g} m", metres);
@@ -81,30 +85,20 @@ std::string PixelsText(double pixels) {
 struct Certainty {
   double distance = 0;             // m
   double centre = 0, corners = 0;  // corners: the mean square of the four outermost cells
-  double half = 0, most = 0;       // what half of the image and `kMostOfImage` keep
+  double most = 0;                 // what `kMostOfImage` keeps
   double worst = 0;
   Eigen::Vector2d where{0, 0};  // of the worst
 };
 
 /// `systematic`: error besides the map's sigma, the same everywhere.
 Certainty Summarise(ProjectionMap map, double systematic) {
-  Certainty figures{.distance = map.distance};
-  std::vector<double> known;
+  Certainty figures{.distance = map.distance, .most = map.Most(systematic)};
   for (size_t cell = 0; cell < map.sigma.size(); ++cell) {
-    if (std::isnan(map.sigma[cell])) continue;
     map.sigma[cell] = std::hypot(map.sigma[cell], systematic);
-    known.push_back(map.sigma[cell]);
-    if (map.sigma[cell] <= figures.worst) continue;
+    if (!(map.sigma[cell] > figures.worst)) continue;
     figures.worst = map.sigma[cell];
     figures.where = map.grid.Middle(cell);
   }
-  if (known.empty()) return figures;
-  std::ranges::sort(known);
-  const auto quantile = [&](double part) {
-    return known[static_cast<size_t>(std::lround(part * static_cast<double>(known.size() - 1)))];
-  };
-  figures.half = quantile(0.5);
-  figures.most = quantile(kMostOfImage);
   const auto columns = static_cast<size_t>(map.grid.Columns()),
              rows = static_cast<size_t>(map.grid.Rows());
   figures.centre = map.sigma[rows / 2 * columns + columns / 2];
@@ -133,10 +127,12 @@ class Judgement {
     verdict_.findings = calibration_.findings;
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
       const double pattern = PatternOf(calibration_.cameras[c]);
-      projections_.push_back(JudgeProjection(c, pattern));
+      projections_.push_back(
+          JudgeProjection(c, std::hypot(pattern, Disagreement(calibration_.cameras[c].name))));
       JudgePoses(c, projections_.back());
       JudgeNoise(calibration_.cameras[c]);
       JudgePattern(calibration_.cameras[c], pattern);
+      JudgeRejectedParts(calibration_.cameras[c]);
     }
     for (const WeakUnknowns& weak : calibration_.weak) JudgeUnknowns(weak);
     JudgeConvergence();
@@ -212,30 +208,40 @@ class Judgement {
                  : weak.remedy});
   }
 
+  // Difference between the camera models that predict held-out frames equally well, px.
+  double Disagreement(const std::string& camera) const {
+    for (const Finding& finding : calibration_.findings) {
+      if (finding.code == "automatic_choice" && finding.value &&
+          std::ranges::find(finding.cameras, camera) != finding.cameras.end()) {
+        return *finding.value;
+      }
+    }
+    return 0;
+  }
+
   // Accuracy of a camera in use: the error of its projection over the whole image, by chance and by
   // the model.
-  Projection JudgeProjection(size_t c, double pattern) {
+  Projection JudgeProjection(size_t c, double systematic) {
     const CalibratedCamera& camera = calibration_.cameras[c];
     const std::vector<ProjectionMap> maps = ProjectionMaps(calibration_, c);
     if (maps.empty()) return {.grade = Grade::kBad, .known = false};  // `JudgeUnknowns`
-    const Certainty here = Summarise(maps[1], pattern), far = Summarise(maps[3], pattern);
+    const Certainty here = Summarise(maps[1], systematic), far = Summarise(maps[3], systematic);
     const double limit = std::clamp(camera.fit.noise_sigma, kExactProjection, kPoint);
-    // Of the half, as circular fisheye lenses leave a third of the image dark.
-    const Grade grade = here.half > kWholePixelError || far.half > kFarBad ? Grade::kBad
+    const Grade grade = here.most > kWholePixelError || far.most > kFarBad ? Grade::kBad
                         : here.most > limit || far.most > kWholePixelError ? Grade::kUsable
                                                                            : Grade::kGood;
     AddTo(camera,
           {.code = "projection",
            .follows_from_noise = true,
            .grade = grade,
-           .value = grade == Grade::kBad ? here.half : here.most,
+           .value = here.most,
            .limit = grade == Grade::kBad ? kWholePixelError : limit,
            .what = fmt::format(
                "{} at {}: {} in the middle, {} in the corners, "
                "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
                "{:.0f})); at {}: {:.2g} px.",
-               pattern > 0 ? "error of the projection (standard error, error of the model)"
-                           : "standard error of the projection",
+               systematic > 0 ? "error of the projection (standard error, error of the model)"
+                              : "standard error of the projection",
                Length(here.distance),
                PixelsText(here.centre),
                PixelsText(here.corners),
@@ -410,6 +416,52 @@ class Judgement {
                              all,
                              100.0 * fit.rejected / all),
          .remedy = "Look at the images and markers with the most rejected points in the report."});
+  }
+
+  // Points of several frames that are rejected where few others are, are no outliers.
+  void JudgeRejectedParts(const CalibratedCamera& camera) {
+    const ImageGrid grid(camera.image_size, kPartCells);
+    struct Part {
+      std::vector<double> rejected;  // lengths of residuals, px
+      std::set<int> frames;          // with rejected points
+      size_t used = 0;
+    };
+    std::vector<Part> parts(grid.Cells());
+    for (const ResidualRow& row : camera.residuals) {
+      Part& part = parts[grid.Cell(row.values[0], row.values[1])];
+      if (row.used) {
+        ++part.used;
+      } else {
+        part.rejected.push_back(row.Error().norm());
+        part.frames.insert(row.frame);
+      }
+    }
+    size_t points = 0;
+    std::vector<std::string> places;
+    std::vector<double> lengths;
+    for (size_t cell = 0; cell < parts.size(); ++cell) {
+      const Part& part = parts[cell];
+      if (part.frames.size() < kFewestPartFrames || part.rejected.size() <= part.used) continue;
+      const Eigen::Vector2d middle = grid.Middle(cell);
+      places.push_back(fmt::format("({:.0f}, {:.0f})", middle.x(), middle.y()));
+      lengths.insert(lengths.end(), part.rejected.begin(), part.rejected.end());
+      points += part.used + part.rejected.size();
+    }
+    if (places.empty()) return;
+    const double error = Median(lengths);
+    AddTo(camera,
+          {.code = "rejected_part",
+           .grade = error > kWholePixelError ? Grade::kUsable : Grade::kGood,
+           .value = error,
+           .limit = kWholePixelError,
+           .what = fmt::format("{} of {} points were rejected around {}, in several frames: they "
+                               "are no outliers; the camera model is wrong there, by {:.2g} px.",
+                               lengths.size(),
+                               points,
+                               fmt::join(places, ", "),
+                               error),
+           .remedy = "Try a model with more distortion terms ('plenocal try'), or take more images "
+                     "with the target there."});
   }
 
   void JudgePattern(const CalibratedCamera& camera, double pattern) {

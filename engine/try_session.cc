@@ -103,11 +103,12 @@ std::string ModelYaml(const TrialRow& row) {
   text += fmt::format("    parameters: {}\n", trial.free_parameters);
   if (trial.comparable) {
     text += fmt::format(
-        "    {}    difference: {}\n    sigma: {}\n    image_sigma: {}\n    judgement: {}\n",
+        "    {}    difference: {}\n    sigma: {}\n    image_sigma: {}\n    projection: {}\n    judgement: {}\n",
         HeldOutYaml(trial),
         YamlNumber(trial.difference),
         YamlNumber(trial.sigma),
         YamlNumber(trial.image_sigma),
+        YamlNumber(trial.projection),
         YamlQuoted(row.judgement));
   }
   return text + fmt::format(

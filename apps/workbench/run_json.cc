@@ -47,10 +47,19 @@ Json RunBriefJson(const fs::path& folder, int number) {
   Json brief = {{"run", number}};
   try {
     const CalibrationRecord record = OpenCalibration(folder / "calibration.yaml");
-    Json rms = Json::array();
-    for (const CalibratedCamera& camera : record.cameras) rms.push_back(AsInFile(camera.fit.rms));
-    brief["rms"] = rms;
-    if (record.verdict) brief["grade"] = GradeName(record.verdict->grade);
+    Json rms = Json::array(), models = Json::array();
+    for (const CalibratedCamera& camera : record.cameras) {
+      rms.push_back(AsInFile(camera.fit.rms));
+      models.push_back(camera.model->name);
+    }
+    brief.update({{"rms", rms}, {"models", models}});
+    if (!record.verdict) return brief;
+    brief["grade"] = GradeName(record.verdict->grade);
+    double error = 0;
+    for (const Finding& finding : record.verdict->findings) {
+      if (finding.code == "projection") error = std::max(error, finding.value.value_or(0));
+    }
+    if (error > 0) brief["projection"] = AsInFile(error);
   } catch (const Error& error) {
     brief["problem"] = error.what();
   }

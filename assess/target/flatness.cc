@@ -181,7 +181,7 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
       .value = largest,
       .limit = largest < kWholePixel ? kNegligible : kWholePixel,
       .what = fmt::format(
-          "the target is not as stated: {:.2g} mm out of its plane from peak to "
+          "the target deviates from its file: {:.2g} mm out of its plane from peak to "
           "peak, {:.2g} mm RMS per coordinate in all; estimated with the "
           "cameras it changes {}",
           1e3 * shape.out_of_plane,

@@ -64,11 +64,12 @@ std::string ReasonOfReference(const ModelChoice& choice) {
     any_simpler = true;
     any_good |= trial.practically_equal || trial.probability >= kSignificant;
   }
-  return fmt::format("{}; {}",
-                     choice.reference == 0 ? "the best" : "the best that is worth its uncertainty",
-                     !any_simpler ? "none is simpler"
-                     : any_good   ? "simpler ones are worse or of rarer use"
-                                  : "every simpler model is significantly worse");
+  return fmt::format(
+      "{}; {}",
+      choice.reference == 0 ? "the best" : "the best whose gain is larger than its uncertainty",
+      !any_simpler ? "none is simpler"
+      : any_good   ? "simpler ones predict worse, or are less common"
+                   : "every simpler model is significantly worse");
 }
 
 std::string Reason(const ModelChoice& choice) {
@@ -149,7 +150,7 @@ std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_se
   const std::string remedy =
       refined != of_session.IsRigid()
           ? ""
-          : fmt::format("; the session's options lack refine_target: {}", refined);
+          : fmt::format("; state refine_target: {} in the session's options", refined);
   return fmt::format(
       "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by {:.4f} px){}",
       TargetName(recommended),
@@ -176,7 +177,7 @@ std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& r
                   "held-out RMS px",
                   "from best px",
                   "sigma px",
-                  "image sigma px",
+                  "90 % image px",
                   "s",
                   "judgement");
   for (const TrialRow& row : rows) {
@@ -192,7 +193,7 @@ std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& r
                         HeldOutText(trial),
                         PixelText(trial.difference),
                         PixelText(trial.sigma),
-                        PixelText(trial.image_sigma),
+                        PixelText(trial.projection),
                         trial.seconds,
                         row.judgement);
     if (trial.undetermined.empty()) continue;

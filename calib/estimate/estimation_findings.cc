@@ -16,11 +16,11 @@ Finding FindingOfSystematicErrors(const std::string& camera, double ratio) {
           .value = ratio,
           .limit = 1,
           .what = fmt::format(
-              "{}: standard errors were scaled by {:.1f}: per-frame estimates scatter {:.1f}x more "
-              "than detection noise explains, so points within a frame share an error (bent board, "
-              "motion, rolling shutter, a lens that the model does not quite describe).",
+              "{}: all standard errors include errors that the points of a frame have in common (a "
+              "bent board, motion, a lens that the model does not quite describe). The scatter "
+              "between frames shows them; they make the standard errors {:.1f} times as large as "
+              "the noise of single points alone.",
               camera,
-              ratio,
               ratio),
           .remedy = {}};
 }

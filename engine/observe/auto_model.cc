@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "assess/projection_map.h"
 #include "assess/text/trial_text.h"
 #include "calib/base/number_text.h"
 #include "engine/session/calibration_input.h"
@@ -17,6 +18,9 @@
 
 namespace plenocal {
 namespace {
+
+// Smaller differences between models, px, are not told.
+constexpr double kTellDisagreement = 0.01;
 
 size_t CountFrames(const SessionObservations& observations) {
   std::set<std::string> frames;
@@ -48,12 +52,13 @@ std::vector<const CameraModel*> CommonModels() {
   return models;
 }
 
-// Why, in the words of `try`.
-std::string ChooseParts(const Target& target,
-                        const Run& run,
-                        const std::vector<size_t>& open,
-                        Session* session,
-                        const std::vector<CameraInput>& cameras) {
+// Adds why, in the words of `try`.
+void ChooseParts(const Target& target,
+                 const Run& run,
+                 const std::vector<size_t>& open,
+                 Session* session,
+                 const std::vector<CameraInput>& cameras,
+                 Finding* note) {
   std::vector<size_t> varied = open;
   for (size_t c = 0; open.empty() && c < cameras.size(); ++c) {
     if (cameras[c].model == cameras[0].model) varied.push_back(c);
@@ -71,13 +76,20 @@ std::string ChooseParts(const Target& target,
     const ModelTrial& chosen = tried.models.trials[tried.models.recommended];
     for (const size_t c : open) UseModel(*chosen.model, &session->cameras[c]);
     reasons.push_back(fmt::format("Camera model: {}.", ModelRecommendation(tried.models)));
+    note->value = tried.models.disagreement;
+    if (tried.models.disagreement >= kTellDisagreement) {
+      reasons.push_back(fmt::format(
+          "Models that predict as well differ from it by {:.2g} px within {:.0f} % of the image.",
+          tried.models.disagreement,
+          100 * kMostOfImage));
+    }
   }
   if (session->auto_refine) {
     const MarkerFreedom freedom = tried.targets.trials[tried.targets.recommended].marker_freedom;
     session->refine_target = !freedom.IsRigid();
     reasons.push_back(fmt::format("Target: {}.", TargetRecommendation(tried.targets, freedom)));
   }
-  return fmt::format("{}", fmt::join(reasons, " "));
+  note->what = fmt::format("{}", fmt::join(reasons, " "));
 }
 
 }  // namespace
@@ -95,9 +107,11 @@ std::optional<Finding> ChooseByHeldOutFrames(const Target& target,
   if (open.empty() && !session->auto_refine) return std::nullopt;
   Finding note{.code = "automatic_choice", .grade = Grade::kGood};
   const size_t frames = CountFrames(*observations);
-  note.what = frames < kFewestTrialFrames
-                  ? TakeUsual(frames, !open.empty(), session)
-                  : ChooseParts(target, run, open, session, observations->cameras);
+  if (frames < kFewestTrialFrames) {
+    note.what = TakeUsual(frames, !open.empty(), session);
+  } else {
+    ChooseParts(target, run, open, session, observations->cameras, &note);
+  }
   std::vector<std::string> keys;
   for (const size_t c : open) {
     SessionCamera& camera = session->cameras[c];

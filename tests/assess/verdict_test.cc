@@ -279,6 +279,54 @@ TEST(Verdict, OfOnePoseIsNotGood) {
   EXPECT_THAT(CodesOf(verdict.findings), Contains("one_pose"));
 }
 
+// Grade and value of `projection`.
+std::pair<Grade, double> ProjectionIn(const Verdict& verdict) {
+  const auto found = std::ranges::find(verdict.findings, "projection", &Finding::code);
+  return {found->grade, found->value.value()};
+}
+
+TEST(Verdict, JudgesTheImageCircleAlone) {
+  const SyntheticProblem problem = GoodProblem(790, 1);
+  CalibrationRecord record = Describe(Calibrate(problem.input, {}));
+  const double whole = ProjectionIn(Judge(record)).second;
+  CalibratedCamera& camera = record.cameras[0];
+  camera.image_circle = ImageCircle{{camera.image_size[0] / 2.0, camera.image_size[1] / 2.0},
+                                    {camera.image_size[1] / 3.0, camera.image_size[1] / 3.0}};
+  const double circle = ProjectionIn(Judge(record)).second;
+  EXPECT_LT(circle, 0.8 * whole);
+}
+
+TEST(Verdict, CountsTheDifferenceFromModelsThatPredictAsWell) {
+  const SyntheticProblem problem = GoodProblem(791, 1);
+  CalibrationRecord record = Describe(Calibrate(problem.input, {}));
+  const double sigma = ProjectionIn(Judge(record)).second;
+  record.findings.push_back(
+      {.code = "automatic_choice", .cameras = {record.cameras[0].name}, .value = 0.7});
+  EXPECT_EQ(ProjectionIn(Judge(record)).first, Grade::kUsable);
+  EXPECT_NEAR(ProjectionIn(Judge(record)).second, std::hypot(0.7, sigma), 1e-9);
+  record.findings.back().value = 1.1;
+  EXPECT_EQ(ProjectionIn(Judge(record)).first, Grade::kBad);
+}
+
+TEST(Verdict, NamesAPartWhosePointsWereRejected) {
+  const SyntheticProblem problem = GoodProblem(792, 1);
+  CalibrationRecord record = Describe(Calibrate(problem.input, {}));
+  CalibratedCamera& camera = record.cameras[0];
+  const auto reject = [&](bool one_frame) {
+    for (ResidualRow& row : camera.residuals) {
+      const bool in_corner =
+          row.values[0] < 0.4 * camera.image_size[0] && row.values[1] < 0.4 * camera.image_size[1];
+      row.used = !in_corner || (one_frame && row.frame != 0);
+      if (in_corner) row.residual = {1.5, 1.5};
+    }
+  };
+  reject(false);
+  const Verdict verdict = Judge(record);
+  EXPECT_THAT(CodesOf(verdict.findings), Contains("rejected_part"));
+  reject(true);
+  EXPECT_THAT(CodesOf(Judge(record).findings), Not(Contains("rejected_part")));
+}
+
 TEST(Verdict, MergesOneFindingOfSeveralCameras) {
   CalibrationRecord record;
   for (const char* camera : {"left", "right"}) {

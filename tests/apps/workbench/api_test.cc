@@ -282,12 +282,12 @@ TEST_F(ApiOfAFolder, ShowsModelsThatTheImagesDoNotDetermine) {
   Write(
       "root/.plenocal/try/try.yaml",
       "plenocal: 1\ncameras: [left, '0']\nframes: 9\nfolds: 3\nrecommended: fov\nwhy: \"the best\"\n"
-      "models:\n  fov: {parameters: 5, image_sigma: .inf, judgement: \"recommended\", "
+      "models:\n  fov: {parameters: 5, projection: .inf, judgement: \"recommended\", "
       "held_out: {rms: 0.1, sigma: 0.01, probability: 1}}\n  ucm: {failure: \"too few\"}\n");
   const Json tried = Json::parse(Ask("GET", {"try"}).body);
   EXPECT_EQ(tried["cameras"], Json({"left", "0"}));
   EXPECT_EQ(tried["models"]["fov"]["held_out"]["rms"], 0.1);
-  EXPECT_EQ(tried["models"]["fov"]["image_sigma"], nullptr);
+  EXPECT_EQ(tried["models"]["fov"]["projection"], nullptr);
   EXPECT_EQ(tried["models"]["ucm"]["failure"], "too few");
   EXPECT_FALSE(tried.contains("target"));
 }

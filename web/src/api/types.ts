@@ -17,6 +17,8 @@ export interface RunBrief {
   run: number;
   grade?: string;
   rms?: (number | null)[];
+  models?: string[];
+  projection?: number; // error of the projection that the verdict judges, px; of the worst camera
   problem?: string;
 }
 export interface State {
@@ -76,7 +78,7 @@ export interface Tried {
     {
       parameters?: number;
       held_out?: { rms: number; sigma: number };
-      image_sigma?: number | null;
+      projection?: number | null;
       judgement?: string;
       failure?: string;
     }

@@ -37,7 +37,7 @@ function modelRow(model: TrialModel): [string, ...Cell[]] {
     number(model.probability, 2),
     number(model.in_sample_rms, 4),
     number(model.sigma, 2),
-    number(model.image_sigma, 2),
+    number(model.projection, 2),
     { text: model.undetermined.join(", ") || "–", words: true },
   ];
 }

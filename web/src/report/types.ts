@@ -20,7 +20,7 @@ export interface TrialModel {
   in_sample_rms?: Unknown;
   difference?: Unknown;
   sigma?: Unknown;
-  image_sigma?: Unknown;
+  projection?: Unknown;
 }
 export interface Trial {
   kind: "trial";

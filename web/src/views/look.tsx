@@ -6,7 +6,7 @@ import type { Residuals, SigmaMap } from "../api/calibration";
 import type { Influence, Preview } from "../api/types";
 import { parametersOf, rowsOf } from "../base/calibration";
 import type { CameraResult, RunResult } from "../base/calibration";
-import { brief, rangeOf } from "../base/numbers";
+import { brief } from "../base/numbers";
 import { ParameterTable } from "../parts/table";
 import { VerdictBox } from "../parts/verdict";
 import { FrameBars } from "../plot/frame_bars";
@@ -21,28 +21,16 @@ import type { Chosen } from "./frame";
 /** The run before the shown one, when both have the same cameras: what a change of the session did. */
 function Change({ now }: { now: RunResult }) {
   const runs = project.value?.runs ?? [];
-  const before = runs[runs.findIndex((each) => each.run === now.run) - 1];
-  const [worst, setWorst] = useState<[number, number] | null>(null);
-  const camera = now.cameras[0]?.name ?? "";
-  useEffect(() => {
-    setWorst(null);
-    if (!before) return;
-    const largest = async (number: number): Promise<number> => {
-      const maps = await ask<SigmaMap[]>("GET", `/api/runs/${number}/maps?camera=${encodeURIComponent(camera)}`);
-      return rangeOf(maps[1]?.sigma ?? [])[1];
-    };
-    Promise.all([largest(before.run), largest(now.run)])
-      .then((pair) => setWorst(pair))
-      .catch(() => setWorst(null));
-  }, [now.run]);
-  if (!before || !worst || !before.rms) return null;
-  const [was, is] = worst;
-  const rms = now.cameras[0]?.rms ?? NaN;
-  const worse = is > 1.05 * was;
+  const place = runs.findIndex((each) => each.run === now.run);
+  const [before, after] = [runs[place - 1], runs[place]];
+  if (!before?.rms || !after?.rms) return null;
+  const [was, is] = [before.projection, after.projection];
+  const worse = `${before.models}` === `${after.models}` && was !== undefined && (is ?? Infinity) > 1.05 * was;
+  const text = (error?: number) => (error === undefined ? "not determined" : `${brief(error, 2)} px`);
   return (
     <p class={worse ? "problem" : "quiet"} data-change={worse ? "worse" : "same"}>
-      Against run {before.run}: RMS {before.rms[0]?.toFixed(3)} → {rms.toFixed(3)} px, largest sigma of the image {was.toPrecision(2)} →{" "}
-      {is.toPrecision(2)} px{worse ? ": worse, whatever the RMS" : ""}
+      Against run {before.run}: RMS {before.rms[0]?.toFixed(3)} → {after.rms[0]?.toFixed(3)} px, error of the projection {text(was)} → {text(is)}
+      {worse ? ": worse" : ""}
     </p>
   );
 }
@@ -68,7 +56,7 @@ function Before({ now }: { now: RunResult }) {
       Preview, without the {points} points that are excluded by now: RMS {rms[0].toFixed(3)} → {rms[1].toFixed(3)} px, sigma of the projection {text(sigma[0])} →{" "}
       {text(sigma[1])}
       {unknown && sigmas !== null ? `; ${unknown} changes most, by ${brief(sigmas, 2)} sigma` : ""}
-      {worse ? ": worse, whatever the RMS" : ""}
+      {worse ? ": worse" : ""}
     </p>
   );
 }

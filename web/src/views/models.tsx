@@ -43,7 +43,7 @@ export function Models() {
                   <th>model</th>
                   <th>parameters</th>
                   <th>error on held-out images, px</th>
-                  <th>sigma of the projection, px</th>
+                  <th>sigma of the projection in 90 % of the image, px</th>
                   <th>judgement</th>
                   <th />
                 </tr>
@@ -57,7 +57,7 @@ export function Models() {
                       {digits(model.held_out?.rms)}
                       {model.held_out && ` ± ${digits(model.held_out.sigma)}`}
                     </td>
-                    <td>{model.image_sigma === null && !model.failure ? "not determined" : digits(model.image_sigma)}</td>
+                    <td>{model.projection === null && !model.failure ? "not determined" : digits(model.projection)}</td>
                     <td class={model.failure ? "bad" : ""}>{model.failure ?? model.judgement}</td>
                     <td>
                       {!model.failure &&
