@@ -77,11 +77,11 @@ void WarnOfSettings(const Session& session, const std::vector<size_t>& varied, c
     const bool any = !camera.rules.empty() ||
                      std::ranges::any_of(camera.initial, [](const auto& v) { return bool(v); });
     if (!any) continue;
-    run.Message(
-        fmt::format("{}: what the session says of parameters holds for {} alone; the other models "
-                    "start without",
-                    camera.name,
-                    camera.model->name));
+    run.Message(fmt::format(
+        "{}: what the session states about parameters holds for {} alone; the other models "
+        "start without",
+        camera.name,
+        camera.model->name));
   }
 }
 

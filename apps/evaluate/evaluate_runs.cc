@@ -59,7 +59,7 @@ Truth ReadTruth(const EvaluateRequest& request, const Run& listener) {
   const LoopTruth& loop = *truth.loop;
   if (!loop.start.has_times || !loop.end.has_times) {
     throw InputError(
-        "{}: KITTI poses have no times, so nothing says which part of the "
+        "{}: KITTI poses have no times, so it is unknown which part of the "
         "path they are; use another form",
         (loop.start.has_times ? request.end : request.start).string());
   }

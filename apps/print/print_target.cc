@@ -262,7 +262,7 @@ std::string Pdf(const std::vector<Page>& pages) {
   return text;
 }
 
-// cairo does not say how large a pixel is, without which nobody prints at true scale.
+// cairo does not state how large a pixel is, without which nobody prints at true scale.
 std::string PhysicalSizeChunk(double dpi) {
   const auto bytes = [](std::uint32_t value) {
     std::string text;

@@ -241,7 +241,7 @@ void WriteExposures(const Scene& scene, OutputFolder* out) {
   out->Write("truth/exposures.csv", TrueExposuresCsv(scene.spec, names, scene.exposures));
 }
 
-// When the images say that they were taken.
+// Times that the images state.
 void WriteTimes(const Scene& scene, OutputFolder* out) {
   for (const CameraSpec& camera : scene.spec.cameras) {
     std::string text = "# frame, s\n";

@@ -75,7 +75,8 @@ std::string ParametersText(const CalibratedCamera& a, const CalibratedCamera& b)
 
 std::string CameraText(const CameraDifference& camera,
                        const CalibratedCamera& a,
-                       const CalibratedCamera& b) {
+                       const CalibratedCamera& b,
+                       bool is_only) {
   std::string text = fmt::format("{}  ({} and {}, {} x {} px)\n",
                                  camera.name,
                                  a.model->name,
@@ -112,7 +113,8 @@ std::string CameraText(const CameraDifference& camera,
                     difference.points,
                     difference.differs ? "  differs" : "");
   });
-  return text + fmt::format("  {}\n", CameraVerdict(camera));
+  // Of a single camera the conclusion of all follows.
+  return is_only && camera.same ? text : text + fmt::format("  {}\n", CameraVerdict(camera));
 }
 
 std::string ExtrinsicsText(const ExtrinsicsDifference& difference, bool has_correlations) {
@@ -163,7 +165,8 @@ std::string ComparisonText(const CalibrationComparison& comparison,
                            const std::string& b) {
   std::string text;
   for (size_t c = 0; c < comparison.a.size(); ++c) {
-    text += CameraText(comparison.differences[c], comparison.a[c], comparison.b[c]);
+    text += CameraText(
+        comparison.differences[c], comparison.a[c], comparison.b[c], comparison.a.size() == 1);
     if (c > 0) text += ExtrinsicsText(comparison.extrinsics[c - 1], comparison.has_correlations);
     text += "\n";
   }

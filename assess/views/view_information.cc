@@ -430,7 +430,7 @@ void SetFactors(const CalibrationRecord& calibration, const ViewTarget& target, 
     std::vector<double> ratios;
     for (size_t k = 0; k < unknowns.params[c].size(); ++k) {
       const int i = unknowns.params[c][k];
-      // What the prior here decides says nothing of the factor.
+      // What the prior decides here has no information on the factor.
       if (i < 0 || covariance(i, i) > kDecidedByImages) continue;
       const double sigma = unknowns.unit[i] * std::sqrt(covariance(i, i));
       const double ratio = calibration.cameras[c].Sigma(k) / sigma;

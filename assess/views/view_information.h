@@ -36,8 +36,8 @@ class ViewPredictor {
   [[nodiscard]] std::optional<Eigen::MatrixXd> Information(const RigidTransform& T_rig_target,
                                                            size_t most_markers) const;
 
-  /// What a frame says of the unknowns in units, its pose eliminated: its part of the information,
-  /// and J' W r of its residuals r.
+  /// Normal equations of one frame (unknowns in units), pose eliminated: its part of the
+  /// information, and J' W r of its residuals r.
   struct FrameInformation {
     int frame = 0;
     Eigen::MatrixXd information;

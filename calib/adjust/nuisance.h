@@ -36,7 +36,7 @@ namespace nuisances {
 /// Size of a systematic displacement that all points of a camera share (`View::by_nuisance`): of a
 /// plenoptic camera, errors of markers by vignetting and depth. Standard normal prior.
 extern const NuisanceKind kSharedError;
-/// Time, s, by which the images of a camera were taken later than their times say.
+/// Time, s, by which the images of a camera were taken later than their times.
 extern const NuisanceKind kTimeShift;
 
 }  // namespace nuisances

@@ -76,19 +76,19 @@ std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertaint
     const std::optional<size_t> index = cameras[c].Find(nuisances::kTimeShift);
     if (!index) continue;
     const double shift = cameras[c].params[*index];
-    findings.push_back({.code = "time_shift",
-                        .grade = Grade::kGood,
-                        .cameras = {cameras[c].name},
-                        .value = shift,
-                        .what = fmt::format(
-                            "{}: images were taken {:.3f} +- {:.2g} ms {} than their times say, by "
-                            "the clock of {}. The calibration includes it.",
-                            cameras[c].name,
-                            1e3 * std::abs(shift),
-                            1e3 * uncertainty.param_std_errors[c][*index],
-                            shift > 0 ? "later" : "earlier",
-                            cameras[0].name),
-                        .remedy = {}});
+    findings.push_back(
+        {.code = "time_shift",
+         .grade = Grade::kGood,
+         .cameras = {cameras[c].name},
+         .value = shift,
+         .what = fmt::format("{}: images were taken {:.3f} +- {:.2g} ms {} than their times, by "
+                             "the clock of {}. The calibration includes it.",
+                             cameras[c].name,
+                             1e3 * std::abs(shift),
+                             1e3 * uncertainty.param_std_errors[c][*index],
+                             shift > 0 ? "later" : "earlier",
+                             cameras[0].name),
+         .remedy = {}});
   }
   return findings;
 }

@@ -23,7 +23,7 @@ Finding FindingOfMisfit(const std::string& camera, const std::string& misfit);
 
 /// The rig is not rigid or not synchronous; empty when it is both.
 std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
-/// Cameras whose images were taken at another time than they say.
+/// Cameras whose images were taken at another time than they state.
 std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertainty& uncertainty);
 
 /// Bounds that the estimate lies on, and priors that the images contradict.

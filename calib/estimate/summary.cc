@@ -158,7 +158,7 @@ std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
 std::string TimeShiftText(const Calibration& calibration, size_t c) {
   const BundleCamera& camera = calibration.bundle.cameras[c];
   const size_t index = *camera.Find(nuisances::kTimeShift);
-  return fmt::format("    images later than their times say by {} ms, by the clock of {}\n",
+  return fmt::format("    images later than their times by {} ms, by the clock of {}\n",
                      WithSigma(1e3 * camera.params[index],
                                1e3 * calibration.uncertainty.param_std_errors[c][index]),
                      calibration.bundle.cameras[0].name);

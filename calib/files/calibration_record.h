@@ -100,7 +100,7 @@ struct CalibratedCamera {
   Eigen::MatrixXd covariance;
   RigidTransform T_camera_rig;
   Vector6d sigma_xi = Vector6d::Zero();  ///< of T_camera_rig's se(3) vector
-  /// By how much later than their times say its images were taken, by the clock of the first
+  /// By how much later than their times its images were taken, by the clock of the first
   /// camera, s; not set: not estimated.
   std::optional<TimeShift> time_shift = {};
   /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the errors of
@@ -198,7 +198,7 @@ struct Correlations {
   Eigen::MatrixXd matrix;
 };
 
-/// Lines "key: value" that say from what and how a file was made.
+/// Lines "key: value" that state from what and how a file was made.
 using Provenance = std::vector<std::pair<std::string, std::string>>;
 
 /// The result of a calibration. What a file does not have is empty.

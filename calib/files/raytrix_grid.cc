@@ -205,7 +205,7 @@ std::string UnusedRayCalibData(const std::filesystem::path& path) {
   const std::string function = Load(path, &document).child("distortion").child_value("function");
   if (function.empty() || function == "constant") return "";
   return fmt::format(
-      "{}: its lens distortion ({}) is not used, as the file does not say in what unit the radius "
+      "{}: its lens distortion ({}) is not used, as the file does not state in what unit the radius "
       "is; micro-image centres towards the border may be off by some px, which white images alone "
       "do not suffer",
       path.string(),

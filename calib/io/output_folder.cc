@@ -162,7 +162,7 @@ fs::path PlaceOf(const fs::path& folder, const fs::path& name) {
   return place;
 }
 
-// The files in `partial`, relative to it; the one that says "calibration" last, so that who waits
+// The files in `partial`, relative to it; calibration.yaml last, so that who waits
 // for it finds the others.
 std::vector<fs::path> FilesIn(const fs::path& partial) {
   std::vector<fs::path> files;

@@ -19,7 +19,7 @@ namespace plenocal {
 /// Strict reader of the project's YAML files; the only place that knows yaml-cpp.
 ///
 /// Every failure throws `Error` of kind `kInput` whose message starts with
-/// "file:line:column: key.path: " and says what was expected, what was found and what to write
+/// "file:line:column: key.path: " and states what was expected, what was found and what to write
 /// instead. Stricter than yaml-cpp: equal keys in one map, unknown keys (`CheckKeys`), trailing
 /// text after a number ("0.088x"; a length may have its unit) and NaN or infinite numbers are
 /// refused. So are anchors and aliases, which nobody needs here, and a second document in the file.
@@ -62,7 +62,7 @@ class YamlNode {
   void CheckKeys(std::span<const std::string_view> known) const;
   /// Throws, naming all of `keys` that this map lacks. `example` has a line "key: value" for each.
   void RequireKeys(std::span<const std::string_view> keys, std::string_view example) const;
-  /// Throws unless the map says `plenocal: 1`.
+  /// Throws unless the map has `plenocal: 1`.
   void CheckVersion() const;
   /// Throws `Error` at this place: "file:line:column: key.path: message".
   [[noreturn]] void Fail(const std::string& message) const;

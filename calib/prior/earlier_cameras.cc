@@ -45,7 +45,7 @@ void CheckAlike(const CameraInput& input,
     throw InputError("{}: {}", record.path.string(), what);
   };
   if (earlier.model != input.model) {
-    fail(fmt::format("{} has model {}, the session says {}; use one model",
+    fail(fmt::format("{} has model {}, the session has {}; use one model",
                      earlier.name,
                      earlier.model->name,
                      input.model->name));
@@ -63,7 +63,7 @@ void CheckAlike(const CameraInput& input,
   }
   for (size_t i = 0; i < input.config.size() && i < earlier.config.size(); ++i) {
     if (input.config[i] == earlier.config[i]) continue;
-    fail(fmt::format("{} has {} {:g}, the session says {:g}; use one value",
+    fail(fmt::format("{} has {} {:g}, the session has {:g}; use one value",
                      earlier.name,
                      input.model->config[i].name,
                      earlier.config[i],

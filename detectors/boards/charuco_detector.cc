@@ -131,7 +131,7 @@ Consistent FindConsistent(const std::vector<SeenMarker>& markers) {
   return consistent;
 }
 
-/// Where the markers around an inner corner (in squares) say it is.
+/// Place of an inner corner (in squares) by the markers around it.
 std::optional<Eigen::Vector2d> Predict(const std::vector<SeenMarker>& markers,
                                        const Eigen::Vector2d& corner) {
   constexpr double kAdjacent = 0.8;  // squares, centre to corner: 0.71
@@ -314,7 +314,7 @@ class CharucoDetector final : public MarkerDetector {
       if (!saddle || (saddle->contrast > 0) != (marked > 0)) {
         if (inside) {
           found->left_out.push_back(
-              fmt::format("corner {}: no clear crossing of edges where the markers say that it is "
+              fmt::format("corner {}: no clear crossing of edges where the markers place it "
                           "(hidden, blurred or a reflection)",
                           corner));
         }

@@ -71,12 +71,12 @@ void CheckSize(const ImageHeader& header, std::uint64_t bytes) {
   constexpr std::uint64_t kMostSide = std::uint64_t{1} << 31;  // the product fits 64 bits
   if (width == 0 || height == 0 || width > kMostSide || height > kMostSide ||
       width * height > kMostPixels) {
-    throw ImageDefect("the header says " + PixelsText(width, height) + kAgain);
+    throw ImageDefect("the header states " + PixelsText(width, height) + kAgain);
   }
   constexpr auto kMostBytes = static_cast<std::uint64_t>(InputLimit::kImage);
   if (width * height * bits / 8 > kMostBytes) {
     throw ImageDefect(
-        fmt::format("the header says {} x {} pixels of {} bits; at most {} MB are read{}",
+        fmt::format("the header states {} x {} pixels of {} bits; at most {} MB are read{}",
                     width,
                     height,
                     bits,
@@ -85,7 +85,7 @@ void CheckSize(const ImageHeader& header, std::uint64_t bytes) {
   }
   constexpr std::uint64_t kMostBytesOfOne = 1032;
   if (width * height * bits / 8 > kMostBytesOfOne * bytes) {
-    throw ImageDefect(fmt::format("the header says {} x {} pixels, more than {} bytes can hold{}",
+    throw ImageDefect(fmt::format("the header states {} x {} pixels, more than {} bytes can hold{}",
                                   width,
                                   height,
                                   bytes,

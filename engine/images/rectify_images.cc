@@ -37,7 +37,7 @@ Cameras ChooseCameras(const CalibrationRecord& calibration, const std::vector<st
   throw InputError("{}: holds {}; a pair is needed{}",
                    calibration.path.string(),
                    Counted(calibration.cameras.size(), "camera"),
-                   calibration.cameras.size() > 2 ? ", say which by --cameras LEFT RIGHT" : "");
+                   calibration.cameras.size() > 2 ? ", choose two by --cameras LEFT RIGHT" : "");
 }
 
 /// One folder with the images of both cameras: in subfolders named after them, or in files whose

@@ -372,7 +372,7 @@ class FrameChooser {
       });
     }
     run_.Message(
-        fmt::format("{} of {} frames are chosen (chosen_frames.csv says why not the others)",
+        fmt::format("{} of {} frames are chosen (reasons for the others: chosen_frames.csv)",
                     kept,
                     instants_.size()));
     return choice;

@@ -68,7 +68,7 @@ CameraInput InputWithoutViews(const SessionCamera& camera) {
 void CheckImageSize(const SessionCamera& camera, ImageSize found) {
   const ImageSize stated = camera.image_size;
   if (stated == ImageSize{} || stated == found) return;
-  throw InputError("{}: the images are {} pixels, but the session's image_size says {}",
+  throw InputError("{}: the images are {} pixels, but the session states image_size {}",
                    camera.name,
                    fmt::join(found, " x "),
                    fmt::join(stated, " x "));

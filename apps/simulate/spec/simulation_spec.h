@@ -68,7 +68,7 @@ struct CameraSpec {
   std::optional<MicroLensSpec> micro_lenses;  ///< for plenoptic models only
   double detection_sigma = 0.1;  ///< px, noise of each coordinate with --points; may be 0
   /// Of a rig that moves: its images are taken by this much later than those of the first camera,
-  /// as its times say; and by this much later than these say, s.
+  /// as its times state; and by this much later than these, s.
   double time_offset = 0, time_shift = 0;
 
   [[nodiscard]] bool IsPlenoptic() const { return model->plenoptic; }

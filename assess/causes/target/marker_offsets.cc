@@ -336,22 +336,23 @@ class Sorting {
   Defect order_{.finding = {.code = "target_corner_order",
                             .role = FindingRole::kTargetCause,
                             .grade = Grade::kBad,
-                            .what = "corners in another order than the target's file says",
+                            .what = "corners in another order than the target's file states",
                             .remedy = "write the corners of these tags in the order lower left, "
                                       "lower right, upper right, upper left of the upright tag"},
                 .parts = {}};
-  Defect size_{.finding = {.code = "target_tag_size",
-                           .role = FindingRole::kTargetResiduals,
-                           .grade = Grade::kBad,
-                           .what = "other sizes than the target's file says, relative to the other "
-                                   "tags",
-                           .remedy = "set the corners of these tags (type apriltag), print them in "
-                                     "the stated size, or leave them out"},
-               .parts = {}};
+  Defect size_{
+      .finding = {.code = "target_tag_size",
+                  .role = FindingRole::kTargetResiduals,
+                  .grade = Grade::kBad,
+                  .what = "other sizes than the target's file states, relative to the other "
+                          "tags",
+                  .remedy = "set the corners of these tags (type apriltag), print them in "
+                            "the stated size, or leave them out"},
+      .parts = {}};
   Defect moved_{.finding = {.code = "target_marker_moved",
                             .role = FindingRole::kTargetResiduals,
                             .grade = Grade::kUsable,
-                            .what = "not where the target's file says, relative to all others",
+                            .what = "not where the target's file states, relative to all others",
                             .remedy = "measure and correct these positions in the target's file, "
                                       "give the target a 'tolerance' of this size, or leave them "
                                       "out"},

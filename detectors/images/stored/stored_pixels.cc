@@ -78,7 +78,7 @@ const Encoding& EncodingOf(const StoredImage& stored, const fs::path& place) {
 cv::Mat Copied(const StoredImage& stored, int type, const fs::path& place) {
   const auto [width, height] = stored.size;
   if (width <= 0 || height <= 0) {
-    RefusePixels(place, fmt::format("the message says {} x {} pixels", width, height));
+    RefusePixels(place, fmt::format("the message states {} x {} pixels", width, height));
   }
   const size_t row = static_cast<size_t>(width) * CV_ELEM_SIZE(type);
   if (stored.step < row || stored.step > stored.bytes.size() ||

@@ -84,7 +84,7 @@ std::vector<std::string> Warnings(const cv::Mat& white, const WhiteOptions& opti
   if (difference > 0) {
     warnings.push_back(fmt::format(
         "the white images look like raw colour mosaics (the planes of their 2 x 2 raster differ "
-        "by {:.0f} %); if they are, say so with 'bayer'",
+        "by {:.0f} %); if they are, state it with 'bayer'",
         100 * difference));
   }
   if (options.bayer && PlanesAgree(white)) {

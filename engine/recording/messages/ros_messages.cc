@@ -75,7 +75,7 @@ class MessageReader {
   ImageSize Size() {
     const std::uint64_t height = Number<std::uint32_t>(), width = Number<std::uint32_t>();
     if (std::max({width, height, width * height}) > kMostPixels) {
-      Refuse("says " + PixelsText(width, height));
+      Refuse("states " + PixelsText(width, height));
     }
     return {static_cast<int>(width), static_cast<int>(height)};
   }
