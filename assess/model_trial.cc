@@ -429,26 +429,33 @@ class Trials {
                std::pow(NoiseOf(choice_.trials[than]), 2);
   }
 
-  // Leaves parameters open, and a model with fewer that is common, or no rarer, predicts as well or
-  // gains more certainty over the whole image than it loses on held-out frames.
-  void FindNeedlesslyOpen() {
+  // A model that leaves parameters open gives way to one with fewer that is common, or no rarer,
+  // and predicts as well or gains more certainty over the whole image than it loses on held-out
+  // frames; a rarer model to a common one that loses less than the noise there and gains more.
+  [[nodiscard]] bool GivesWay(size_t m, size_t to) const {
+    const ModelTrial &trial = choice_.trials[m], &other = choice_.trials[to];
+    constexpr int kCommon = static_cast<int>(Usage::kCommon);
+    if (!other.comparable || !other.undetermined.empty() || !HasLessFreedom(other, trial)) {
+      return false;
+    }
+    const double gain = scores_->Excess(residuals_[to], residuals_[m]);
+    const double cost = std::pow(trial.projection, 2) - std::pow(other.projection, 2);
+    if (!trial.undetermined.empty()) {
+      return Rarity(other) <= std::max(Rarity(trial), kCommon) &&
+             (!IsClearlyWorse(to, m) || cost > gain);
+    }
+    const double noise = std::pow(NoiseOf(other), 2);
+    return Rarity(other) <= kCommon && Rarity(trial) > kCommon && gain < noise && cost > noise;
+  }
+
+  void FindNeedless() {
     auto& trials = choice_.trials;
     for (size_t m = 0; m < trials.size(); ++m) {
-      ModelTrial& open = trials[m];
-      if (!open.comparable || open.undetermined.empty() || open.outweighed_by) continue;
-      for (size_t s = 0; s < trials.size() && !open.outweighed_by; ++s) {
-        const ModelTrial& trial = trials[s];
-        const bool is_common =
-            Rarity(trial) <= std::max(Rarity(open), static_cast<int>(Usage::kCommon));
-        if (!trial.comparable || !trial.undetermined.empty() || !is_common ||
-            !HasLessFreedom(trial, open)) {
-          continue;
-        }
-        const double gain = scores_->Excess(residuals_[s], residuals_[m]);
-        const double cost = std::pow(open.projection, 2) - std::pow(trial.projection, 2);
-        if (IsClearlyWorse(s, m) && !(cost > gain)) continue;
-        open.outweighed_by = s;
-        open.gain = std::sqrt(std::max(0.0, gain));
+      if (!trials[m].comparable || trials[m].outweighed_by) continue;
+      for (size_t to = 0; to < trials.size() && !trials[m].outweighed_by; ++to) {
+        if (!GivesWay(m, to)) continue;
+        trials[m].outweighed_by = to;
+        trials[m].gain = std::sqrt(std::max(0.0, scores_->Excess(residuals_[to], residuals_[m])));
       }
     }
   }
@@ -474,7 +481,7 @@ class Trials {
   void Recommend() {
     auto& trials = choice_.trials;
     FindOutweighed();
-    FindNeedlesslyOpen();
+    FindNeedless();
     for (size_t m = trials.size(); m-- > 0;) {
       if (trials[m].comparable && !trials[m].outweighed_by) choice_.reference = m;
     }

@@ -56,8 +56,9 @@ struct ModelTrial {
   /// The same over the supported image (`SupportedSigma`).
   double sigma = 0;
   /// A simpler model of no rarer use, an index into the trials, over which this one gains less in
-  /// held-out RMS than its `sigma` is larger (both as differences of squares); or, if parameters
-  /// are undetermined, which is not clearly worse. `gain`: the root of the difference, px.
+  /// held-out RMS than its `sigma` is larger (both as differences of squares); or a common one, of
+  /// which the same holds for `projection` and this one leaves parameters open or gains less than
+  /// the noise. `gain`: the root of the difference, px.
   std::optional<size_t> outweighed_by;
   double gain = 0;
   /// Of residuals as bad as these, if the model were as good as the reference: the smaller p-value
