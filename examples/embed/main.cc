@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
   namespace api = plenocal::api;
   if (argc < 3) return 2;
   std::vector<cv::Mat> pixels;
-  api::Source camera{.name = "left", .model = "pinhole-radtan"};
+  api::Source camera{.name = "left", .model = "pinhole-radtan4"};
   for (int i = 2; i < argc; ++i) {
     const cv::Mat& image = pixels.emplace_back(cv::imread(argv[i], cv::IMREAD_GRAYSCALE));
     camera.images.push_back({.frame = std::to_string(i),
