@@ -565,8 +565,8 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   WriteProblem(EasyProblem(2));
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "rig", "--no-report"}).status, kDone);
   SeeCalibrationOf({"rectify", "rig/calibration.yaml"});
-  // These need a calibration from plenoptic images, which takes long.
-  ExpectAllSeen({"lattice", "sample_depth", "lens_types"});
+  // These need a calibration from images of a fisheye or a plenoptic camera, which takes long.
+  ExpectAllSeen({"image_circle", "lattice", "sample_depth", "lens_types"});
 }
 
 TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {

@@ -43,7 +43,7 @@ export function Models() {
                   <th>model</th>
                   <th>parameters</th>
                   <th>error on held-out images, px</th>
-                  <th>sigma of the projection in 90 % of the image, px</th>
+                  <th>sigma of the projection, px</th>
                   <th>judgement</th>
                   <th />
                 </tr>
