@@ -103,6 +103,7 @@ OTHERS = [
     ("chosen_frames.csv", ["blur"], "a width of edges"),
     ("`held` and `refined`", ["tolerance"], "the prior as it was given"),
     ("`held` and `refined`", ["sigma"], "as `sigma` of a model in try.yaml"),
+    ("a model in try.yaml", ["projection"], "a quantile of what `image_sigma` is the RMS of"),
     ("try.csv", ["sigma", "image_sigma", "held_out_sigma"], "the numbers of try.yaml"),
     ("a camera in calibrate --json", ["sigma", "noise", "detector_sigma"], "the numbers of calibration.yaml"),
     ("groundtruth", ["track_factor"], "a factor that is in the covariances"),
