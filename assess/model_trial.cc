@@ -258,6 +258,16 @@ class Trials {
     return rejected;
   }
 
+  // The common models alone decide on outliers, reference and, unless a rarer one is clearly
+  // better, recommendation: more candidates change no answer. All do where no common one can.
+  [[nodiscard]] bool Decides(size_t m) const {
+    const auto can = [&](const ModelTrial& trial) {
+      return trial.model->usage == Usage::kCommon && trial.failure.empty() &&
+             (!scored_ || trial.comparable);
+    };
+    return can(choice_.trials[m]) || std::ranges::none_of(choice_.trials, can);
+  }
+
   [[nodiscard]] size_t Rows() const { return choice_.trials[0].model->measured.size(); }
 
   [[nodiscard]] double SquareOf(size_t m, size_t p) const {
@@ -273,7 +283,7 @@ class Trials {
   [[nodiscard]] double HeldOutNoise(size_t camera) const {
     double least = std::numeric_limits<double>::infinity();
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
-      if (!choice_.trials[m].failure.empty()) continue;
+      if (!choice_.trials[m].failure.empty() || !Decides(m)) continue;
       std::vector<double> squares;
       for (size_t p = 0; p < points_.size(); ++p) {
         if (points_[p].camera == camera) squares.push_back(SquareOf(m, p));
@@ -294,7 +304,7 @@ class Trials {
     std::optional<size_t> best;
     double least = 0;
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
-      if (!choice_.trials[m].failure.empty()) continue;
+      if (!choice_.trials[m].failure.empty() || !Decides(m)) continue;
       double sum = 0;
       for (size_t p = 0; p < points_.size(); ++p) {
         sum += std::min(limit, SquareOf(m, p) / std::pow(noise.at(points_[p].camera), 2));
@@ -349,6 +359,7 @@ class Trials {
       trial.comparable = trial.failure.empty() && trial.unseen <= 1 - most + kMostUnseen;
       if (trial.comparable) ScoreComparable(m);
     });
+    scored_ = true;
   }
 
   void ScoreComparable(size_t m) {
@@ -423,10 +434,12 @@ class Trials {
   [[nodiscard]] bool IsClearlyWorse(size_t m, size_t than) const {
     const double p = scores_->ProbabilityOfEqual(residuals_[m], residuals_[than]);
     if (p >= kSignificant) return false;
-    const auto comparable = std::ranges::count(choice_.trials, true, &ModelTrial::comparable);
-    return p * static_cast<double>(comparable - 1) < kSignificant ||
-           scores_->Excess(residuals_[m], residuals_[than]) >
-               std::pow(NoiseOf(choice_.trials[than]), 2);
+    double comparable = 0;
+    for (size_t i = 0; i < choice_.trials.size(); ++i) {
+      comparable += choice_.trials[i].comparable && Decides(i) ? 1 : 0;
+    }
+    return p * (comparable - 1) < kSignificant || scores_->Excess(residuals_[m], residuals_[than]) >
+                                                      std::pow(NoiseOf(choice_.trials[than]), 2);
   }
 
   // A model that leaves parameters open gives way to one with fewer that is common, or no rarer,
@@ -483,24 +496,41 @@ class Trials {
     FindOutweighed();
     FindNeedless();
     for (size_t m = trials.size(); m-- > 0;) {
-      if (trials[m].comparable && !trials[m].outweighed_by) choice_.reference = m;
+      if (trials[m].comparable && !trials[m].outweighed_by && Decides(m)) choice_.reference = m;
     }
     CompareWithReference();
     choice_.recommended = choice_.reference;
     for (size_t m = 0; m < trials.size(); ++m) {
       const ModelTrial& trial = trials[m];
-      if (!trial.comparable || trial.outweighed_by) continue;
+      if (!trial.comparable || trial.outweighed_by || !Decides(m)) continue;
       // What few frames cannot decide is no reason for more parameters.
       const bool is_richer =
           Rarity(trial) >= 0 && trial.free_parameters > trials[choice_.reference].free_parameters;
-      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer)) continue;
+      // Neither is what extrapolates so badly that the frames' scatter leaves it undecided.
+      const bool is_far = scores_->Excess(residuals_[m], residuals_[choice_.reference]) >
+                          choice_.noise * choice_.noise;
+      if (!trial.practically_equal && (trial.probability < kSignificant || is_richer || is_far)) {
+        continue;
+      }
       const auto rank = [](const ModelTrial& each) {
         return std::tuple(
             !each.marker_freedom.IsRigid(), Rarity(each), each.free_parameters, each.rms);
       };
       if (rank(trial) < rank(trials[choice_.recommended])) choice_.recommended = m;
     }
+    RecommendARarerModel();
     FindDisagreement();
+  }
+
+  // The best one than which the recommended one is clearly worse.
+  void RecommendARarerModel() {
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      const ModelTrial& trial = choice_.trials[m];
+      if (Decides(m) || !trial.comparable || trial.outweighed_by) continue;
+      if (!IsClearlyWorse(choice_.recommended, m)) continue;
+      choice_.recommended = choice_.reference = m;
+      return CompareWithReference();
+    }
   }
 
   void FindDisagreement() {
@@ -524,6 +554,7 @@ class Trials {
   std::vector<std::vector<Bundle>> trained_;             // per trial and fold, without observations
   std::vector<std::vector<HeldOutResidual>> residuals_;  // per trial and point
   std::optional<HeldOutScores> scores_;
+  bool scored_ = false;  // `comparable` of the trials is set
   std::mutex mutex_;
 };
 

@@ -12,8 +12,8 @@ namespace plenocal {
 
 /// Where one camera has seen the target: the part of the image, distances, tilts.
 struct PoseSpread {
-  bool any = false;                                 ///< there are used points; else nothing is set
-  double coverage = 0;                              ///< part of the image (circle)'s cells with points
+  bool any = false;     ///< there are used points; else nothing is set
+  double coverage = 0;  ///< part of the image (circle)'s cells with points
   double left = 0, right = 0, top = 0, bottom = 0;  ///< outermost points, parts of width and height
   double nearest = 0, farthest = 0;  ///< of the images' median distances or depths, m
   bool is_plane = false;             ///< the target

@@ -115,6 +115,22 @@ TEST(TryModels, PreferOpenCvsFiveCoefficientsUnlessOthersPredictBetter) {
   }
 }
 
+TEST(TryModels, ChooseTheSameAmongMoreCandidates) {
+  for (const unsigned seed : {11U, 12U}) {
+    SyntheticProblem problem = MakeProblem(seed, {.frames = 8, .noise = kNoise});
+    problem.input.cameras[0].views[2].observations[5].values[0] += 3;
+    std::vector<const CameraModel*> models = Models({"pinhole-radtan", "kannala-brandt4"});
+    const ModelChoice common = TryModels(problem.input, {0}, models, {});
+    for (const CameraModel* rare : Models({"division", "fov", "ucm", "eucm"})) {
+      models.push_back(rare);
+    }
+    const ModelChoice all = TryModels(problem.input, {0}, models, {});
+    const ModelTrial &a = common.trials[common.recommended], &b = all.trials[all.recommended];
+    EXPECT_EQ(a.model, b.model);
+    EXPECT_EQ(a.rms, b.rms) << "the same outliers";
+  }
+}
+
 TEST(TryModels, LeaveNoParameterOpenForNothing) {
   // Terms of high order that few noisy images leave open; the projection's sigma is no larger.
   const SyntheticProblem problem = MakeProblem(3, {.frames = 6, .noise = 3 * kNoise});
