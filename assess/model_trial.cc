@@ -522,7 +522,7 @@ class Trials {
     FindDisagreement();
   }
 
-  // The best one than which the recommended one is clearly worse.
+  // A rarer model that is clearly better than the recommended one takes its place.
   void RecommendARarerModel() {
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
       const ModelTrial& trial = choice_.trials[m];
@@ -538,6 +538,7 @@ class Trials {
     for (const ModelTrial& trial : choice_.trials) {
       if (!trial.comparable || trial.outweighed_by || !trial.undetermined.empty()) continue;
       if (trial.probability < kSignificant && !trial.practically_equal) continue;
+      if (!std::isfinite(trial.difference)) continue;  // no pixel in common
       choice_.disagreement = std::max(
           choice_.disagreement,
           UnexplainedDifference(recommended.calibration, trial.calibration, choice_.varied));

@@ -105,11 +105,11 @@ struct ModelChoice {
 /// smallest sum of squares on held-out frames, each cut off at the rejection threshold. Each model
 /// is scored over the points that it images.
 ///
-/// A model is acceptable when it has no more parameters than the reference, or is pinhole-radtan,
-/// and is not worse at the level of 5 %, or when both are practically equal, unless it is
-/// outweighed by a simpler one. Recommended is, of the acceptable ones, pinhole-radtan, then the
-/// one of the widest use, then the one with the fewest parameters. All tests are between pairs, so
-/// that of a model that is neither reference nor recommended only the presence counts.
+/// Common models alone are the best, the reference and recommended; a rarer one takes the place of
+/// the recommended one that is clearly worse. A model is acceptable when it has no more parameters
+/// than the reference, or is pinhole-radtan, and is not worse (at the level of 5 %, nor by more
+/// than the noise), or when both are practically equal, unless it is outweighed by a simpler one.
+/// Recommended is, of the acceptable ones, pinhole-radtan, then the one with the fewest parameters.
 ///
 /// Throws `Error` of kind kJob when there are too few frames or no model can be calibrated.
 ModelChoice TryModels(const CalibrationInput& input,

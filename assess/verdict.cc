@@ -588,11 +588,13 @@ std::string VerdictText(const Verdict& verdict) {
   for (auto finding = verdict.findings.rbegin(); finding != verdict.findings.rend(); ++finding) {
     // Good findings stand in the report alone, but for these. Parameters that are open without
     // effect are a detail of a good calibration.
-    static constexpr std::array<std::string_view, 4> kTold{
+    static constexpr std::array<std::string_view, 4> kAlwaysShown{
         "projection", "points_share_errors", "automatic_choice", "target_size_unknown"};
-    const bool is_told = std::ranges::find(kTold, finding->code) != kTold.end();
+    const bool is_always_shown =
+        std::ranges::find(kAlwaysShown, finding->code) != kAlwaysShown.end();
     const bool is_open = finding->code == "undetermined" || finding->code == "weakly_determined";
-    if (finding->grade != Grade::kGood || is_told || (is_open && verdict.grade != Grade::kGood)) {
+    if (finding->grade != Grade::kGood || is_always_shown ||
+        (is_open && verdict.grade != Grade::kGood)) {
       text += FindingText(*finding);
     }
   }

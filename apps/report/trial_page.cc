@@ -40,7 +40,7 @@ Json RowJson(const TrialRow& row) {
                {"in_sample_rms", trial.in_sample_rms},
                {"difference", Short(trial.difference)},
                {"sigma", Short(trial.sigma)},
-               {"projection", Short(trial.image_sigma)}});
+               {"projection", Short(trial.projection)}});
   return json;
 }
 

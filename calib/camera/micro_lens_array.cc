@@ -180,6 +180,13 @@ Eigen::VectorXd TermsAt(const Eigen::Vector2d& position, int degree, ImageSize i
   return SmoothLattice::Monomials((position - middle) / (size.maxCoeff() / 2), degree);
 }
 
+// The least degree with so many monomials.
+int DegreeOf(Eigen::Index terms) {
+  int degree = 0;
+  while (SmoothLattice::CountMonomials(degree) < terms) ++degree;
+  return degree;
+}
+
 LatticeErrors MakeErrors(const Eigen::MatrixXd& covariance, ImageSize image_size) {
   return {image_size, {covariance.data(), covariance.data() + covariance.size()}};
 }
@@ -204,9 +211,7 @@ Eigen::MatrixXd LatticeErrors::Root() const {
 }
 
 Eigen::VectorXd LatticeErrors::Terms(const Eigen::Vector2d& position) const {
-  int degree = 0;
-  while (SmoothLattice::CountMonomials(degree) < Covariance().rows()) ++degree;
-  return TermsAt(position, degree, image_size);
+  return TermsAt(position, DegreeOf(Covariance().rows()), image_size);
 }
 
 LatticeErrors ErrorsOfNominalGrid(ImageSize image_size) {
@@ -290,8 +295,7 @@ LatticeErrors ReadLatticeErrors(const std::filesystem::path& path, ImageSize ima
     C.row(row).head(row + 1) = Eigen::Map<const Eigen::RowVectorXd>(numbers.data(), row + 1);
     C.col(row).head(row + 1) = C.row(row).head(row + 1);
   }
-  int degree = 0;
-  while (SmoothLattice::CountMonomials(degree) < C.rows()) ++degree;
+  const int degree = DegreeOf(C.rows());
   if (SmoothLattice::CountMonomials(degree) != C.rows() || degree > SmoothLattice::kMaxDegree) {
     covariance.Fail("expected the lower triangle of 1, 3, 6, 10, 15, 21, 28 or 36 rows");
   }

@@ -18,26 +18,17 @@ const double kRimError = 1 / std::sqrt(12.0);
 // An ellipse has four unknowns; the rim shall show that it is one.
 constexpr size_t kFewestOnRim = 16;
 
-cv::Size CellsOf(cv::Size size) {
-  const double cell = std::max(size.width, size.height) / static_cast<double>(kCells);
-  return {std::max(1, static_cast<int>(std::lround(size.width / cell))),
-          std::max(1, static_cast<int>(std::lround(size.height / cell)))};
-}
-
 }  // namespace
 
 std::vector<std::uint8_t> CellLevels(const cv::Mat& gray) {
+  const ImageGrid grid({gray.cols, gray.rows}, kCells);
   cv::Mat cells;
-  cv::resize(gray, cells, CellsOf(gray.size()), 0, 0, cv::INTER_AREA);
+  cv::resize(gray, cells, {grid.Columns(), grid.Rows()}, 0, 0, cv::INTER_AREA);
   return {cells.begin<std::uint8_t>(), cells.end<std::uint8_t>()};
 }
 
-ImageCircleFit::ImageCircleFit(ImageSize image_size) : image_size_(image_size) {
-  const cv::Size cells = CellsOf({image_size[0], image_size[1]});
-  columns_ = cells.width;
-  rows_ = cells.height;
-  lightest_.resize(static_cast<size_t>(cells.area()), 0);
-}
+ImageCircleFit::ImageCircleFit(ImageSize image_size)
+    : grid_(image_size, kCells), lightest_(grid_.Cells(), 0) {}
 
 void ImageCircleFit::Add(const std::vector<std::uint8_t>& levels) {
   for (size_t cell = 0; cell < std::min(levels.size(), lightest_.size()); ++cell) {
@@ -49,12 +40,13 @@ void ImageCircleFit::Add(const std::vector<std::uint8_t>& levels) {
 // Places between a lit cell and a dark one, in cells from the image's corner.
 std::vector<Eigen::Vector2d> ImageCircleFit::Rim(double limit) const {
   std::vector<Eigen::Vector2d> rim;
-  for (int row = 0; row < rows_; ++row) {
-    for (int column = 0; column < columns_; ++column) {
-      const double here = lightest_[static_cast<size_t>(row * columns_ + column)];
+  const int columns = grid_.Columns();
+  for (int row = 0; row < grid_.Rows(); ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const double here = lightest_[static_cast<size_t>(row * columns + column)];
       for (const auto& [x, y] : {std::pair(1, 0), std::pair(0, 1)}) {
-        if (column + x >= columns_ || row + y >= rows_) continue;
-        const double next = lightest_[static_cast<size_t>((row + y) * columns_ + column + x)];
+        if (column + x >= columns || row + y >= grid_.Rows()) continue;
+        const double next = lightest_[static_cast<size_t>((row + y) * columns + column + x)];
         if ((here > limit) == (next > limit)) continue;
         const double part = (limit - here) / (next - here);
         rim.emplace_back(column + 0.5 + part * x, row + 0.5 + part * y);
@@ -73,7 +65,7 @@ std::optional<ImageCircle> ImageCircleFit::Fit() const {
   if (rim.size() < kFewestOnRim) return std::nullopt;
 
   // a x^2 + b y^2 + c x + d y = 1, from the image's middle.
-  const Eigen::Vector2d half(columns_ / 2.0, rows_ / 2.0);
+  const Eigen::Vector2d half(grid_.Columns() / 2.0, grid_.Rows() / 2.0);
   Eigen::MatrixX4d rows(std::ssize(rim), 4);
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
     const Eigen::Vector2d q = (rim[static_cast<size_t>(i)] - half).cwiseQuotient(half);
@@ -87,6 +79,8 @@ std::optional<ImageCircle> ImageCircleFit::Fit() const {
   const ImageCircle cells{half + middle.cwiseProduct(half),
                           (square * k.head<2>().cwiseInverse()).cwiseSqrt().cwiseProduct(half)};
 
+  const Eigen::Vector2d cell_size = 2 * (grid_.Middle(0).array() + 0.5);  // px
+
   // Distance from the ellipse, cells, to first order.
   const double radius = std::sqrt(cells.radii.prod());
   const auto beyond = [&](const Eigen::Vector2d& place) {
@@ -96,15 +90,12 @@ std::optional<ImageCircle> ImageCircleFit::Fit() const {
   for (const Eigen::Vector2d& place : rim) squares += beyond(place) * beyond(place);
   if (squares > kRimError * kRimError * static_cast<double>(rim.size())) return std::nullopt;
   for (size_t cell = 0; cell < lightest_.size(); ++cell) {
-    const auto column = static_cast<double>(cell % static_cast<size_t>(columns_));
-    const auto row = static_cast<double>(cell / static_cast<size_t>(columns_));
-    const double outside = beyond({column + 0.5, row + 0.5});
+    const double outside =
+        beyond((grid_.Middle(cell).array() + 0.5).matrix().cwiseQuotient(cell_size));
     if (std::abs(outside) > 1 && (outside < 0) != (lightest_[cell] > limit)) return std::nullopt;
   }
   // A rim cell has `kLit` of its mean level where the rim leaves it that part of its area.
   const Eigen::Vector2d radii = cells.radii.array() - (0.5 - kLit);
-  const Eigen::Vector2d cell_size(static_cast<double>(image_size_[0]) / columns_,
-                                  static_cast<double>(image_size_[1]) / rows_);
   return ImageCircle{cells.centre.cwiseProduct(cell_size).array() - 0.5,
                      radii.cwiseProduct(cell_size)};
 }

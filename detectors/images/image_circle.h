@@ -10,6 +10,7 @@
 
 #include "calib/camera/image_circle.h"
 #include "calib/camera/observation.h"
+#include "calib/traits/image_grid.h"
 
 namespace plenocal::internal {
 
@@ -32,8 +33,7 @@ class ImageCircleFit {
  private:
   [[nodiscard]] std::vector<Eigen::Vector2d> Rim(double limit) const;
 
-  ImageSize image_size_;
-  int columns_, rows_;
+  ImageGrid grid_;
   std::vector<double> lightest_;  // per cell
   double black_ = 255;
 };

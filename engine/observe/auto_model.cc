@@ -19,8 +19,8 @@
 namespace plenocal {
 namespace {
 
-// Smaller differences between models, px, are not told.
-constexpr double kTellDisagreement = 0.01;
+// Least difference between models that the reasons state, px.
+constexpr double kStatedDisagreement = 0.01;
 
 size_t CountFrames(const SessionObservations& observations) {
   std::set<std::string> frames;
@@ -77,7 +77,7 @@ void ChooseParts(const Target& target,
     for (const size_t c : open) UseModel(*chosen.model, &session->cameras[c]);
     reasons.push_back(fmt::format("Camera model: {}.", ModelRecommendation(tried.models)));
     note->value = tried.models.disagreement;
-    if (tried.models.disagreement >= kTellDisagreement) {
+    if (tried.models.disagreement >= kStatedDisagreement) {
       reasons.push_back(fmt::format(
           "Models that predict as well differ from it by {:.2g} px within {:.0f} % of the image.",
           tried.models.disagreement,

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "assess/causes/diagnose.h"
+#include "assess/pose_spread.h"
 #include "calib/estimate/describe.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
@@ -294,6 +295,7 @@ TEST(Verdict, JudgesTheImageCircleAlone) {
                                     {camera.image_size[1] / 3.0, camera.image_size[1] / 3.0}};
   const double circle = ProjectionIn(Judge(record)).second;
   EXPECT_LT(circle, 0.8 * whole);
+  EXPECT_EQ(MeasurePoseSpread(record, 0).coverage, 1);
 }
 
 TEST(Verdict, CountsTheDifferenceFromModelsThatPredictAsWell) {

@@ -33,8 +33,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("calib/base", {"calib/kernels"});
   add("calib/io", {"calib/base"});
   add("calib/camera", {"calib/io"});
-  add("calib/traits", {});
-  add("calib/files", {"calib/camera", "calib/traits"});
+  add("calib/traits", {"calib/camera"});
+  add("calib/files", {"calib/traits"});
   add("calib/adjust", {"calib/files"});
   add("calib/adjust/reduced", {"calib/adjust"});
   add("calib/adjust/all_unknowns", {"calib/adjust"});

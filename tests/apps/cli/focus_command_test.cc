@@ -38,9 +38,11 @@ class FocusCommandLine : public Workspace {
     return {scene_.height, scene_.width, CV_8U, cv::Scalar(value)};
   }
 
-  [[nodiscard]] Outcome Focus(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments{"focus",
-                                       "raw",
+  [[nodiscard]] Outcome WithGrid(const char* command,
+                                 const char* images,
+                                 const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments{command,
+                                       images,
                                        "--grid",
                                        "micro_lenses.csv",
                                        "--vignetting",
@@ -49,6 +51,9 @@ class FocusCommandLine : public Workspace {
                                        "out"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Run(arguments);
+  }
+  [[nodiscard]] Outcome Focus(const std::vector<std::string>& more = {}) const {
+    return WithGrid("focus", "raw", more);
   }
 
   /// The outcome must have this status, one line with all of `parts`, and leave nothing.
@@ -221,14 +226,7 @@ TEST_F(FocusCommandLine, NamesWhiteImagesOfAnotherFocus) {
   wider.pitch *= 1.001;
   WriteImage("raw/a.png", wider.Raw(wider.Array()));
   for (const char* command : {"focus", "views"}) {
-    const Outcome outcome = Run({command,
-                                 "raw/a.png",
-                                 "--grid",
-                                 "micro_lenses.csv",
-                                 "--vignetting",
-                                 "vignetting.tiff",
-                                 "-o",
-                                 "out"});
+    const Outcome outcome = WithGrid(command, "raw/a.png");
     EXPECT_EQ(outcome.status, 0) << outcome.err;
     EXPECT_THAT(
         outcome.out + outcome.err,
@@ -245,14 +243,7 @@ TEST_F(FocusCommandLine, NamesAnImageWithoutDetail) {
 
 TEST_F(FocusCommandLine, DoesNotReplaceARawImage) {
   WriteImage("out/focused.png", scene_.Raw(array_));
-  const Outcome outcome = Run({"focus",
-                               "out/focused.png",
-                               "--grid",
-                               "micro_lenses.csv",
-                               "--vignetting",
-                               "vignetting.tiff",
-                               "-o",
-                               "out"});
+  const Outcome outcome = WithGrid("focus", "out/focused.png");
   EXPECT_EQ(outcome.status, kWrongInput);
   EXPECT_THAT(outcome.err, HasSubstr("the results would replace this input"));
 }

@@ -95,6 +95,13 @@ TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
   for (const auto& cell : data["cameras"][0]["fields"][0]["field"]["points"])
     points += cell.get<int>();
   EXPECT_EQ(points, data["points"].get<int>());
+  for (const auto& model : data["models"]) {
+    const YAML::Node row = result["models"][model["model"].get<std::string>()];
+    if (!model.contains("projection")) continue;
+    const auto projection = row["projection"].as<double>();
+    EXPECT_NEAR(model["projection"].get<double>(), projection, 1e-3 * projection);
+    EXPECT_NE(projection, row["image_sigma"].as<double>()) << "a quantile, not the RMS";
+  }
 }
 
 TEST_F(TryCommand, AModelThatFailsIsARowWithItsReason) {

@@ -19,7 +19,7 @@ const kHead = [
   "P(as bad by chance)",
   "in-sample RMS, px",
   "standard error of the projection, supported image, px",
-  "whole image, px",
+  "90 % of the image, px",
   "not determined",
 ];
 
