@@ -258,9 +258,9 @@ class Trials {
     return rejected;
   }
 
-  // The common models alone decide on outliers, reference and, unless a rarer one is clearly
-  // better, recommendation: more candidates change no answer. All do where no common one can.
-  [[nodiscard]] bool Decides(size_t m) const {
+  // A candidate for reference and recommendation, whose outliers count: a common model; any where
+  // no common one can be compared. Rarer models in the trial change neither.
+  [[nodiscard]] bool IsCandidate(size_t m) const {
     const auto can = [&](const ModelTrial& trial) {
       return trial.model->usage == Usage::kCommon && trial.failure.empty() &&
              (!scored_ || trial.comparable);
@@ -283,7 +283,7 @@ class Trials {
   [[nodiscard]] double HeldOutNoise(size_t camera) const {
     double least = std::numeric_limits<double>::infinity();
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
-      if (!choice_.trials[m].failure.empty() || !Decides(m)) continue;
+      if (!choice_.trials[m].failure.empty() || !IsCandidate(m)) continue;
       std::vector<double> squares;
       for (size_t p = 0; p < points_.size(); ++p) {
         if (points_[p].camera == camera) squares.push_back(SquareOf(m, p));
@@ -304,7 +304,7 @@ class Trials {
     std::optional<size_t> best;
     double least = 0;
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
-      if (!choice_.trials[m].failure.empty() || !Decides(m)) continue;
+      if (!choice_.trials[m].failure.empty() || !IsCandidate(m)) continue;
       double sum = 0;
       for (size_t p = 0; p < points_.size(); ++p) {
         sum += std::min(limit, SquareOf(m, p) / std::pow(noise.at(points_[p].camera), 2));
@@ -436,16 +436,17 @@ class Trials {
     if (p >= kSignificant) return false;
     double comparable = 0;
     for (size_t i = 0; i < choice_.trials.size(); ++i) {
-      comparable += choice_.trials[i].comparable && Decides(i) ? 1 : 0;
+      comparable += choice_.trials[i].comparable && IsCandidate(i) ? 1 : 0;
     }
     return p * (comparable - 1) < kSignificant || scores_->Excess(residuals_[m], residuals_[than]) >
                                                       std::pow(NoiseOf(choice_.trials[than]), 2);
   }
 
-  // A model that leaves parameters open gives way to one with fewer that is common, or no rarer,
-  // and predicts as well or gains more certainty over the whole image than it loses on held-out
-  // frames; a rarer model to a common one that loses less than the noise there and gains more.
-  [[nodiscard]] bool GivesWay(size_t m, size_t to) const {
+  // A model that leaves parameters open is outweighed by one with fewer that is common, or no
+  // rarer, and predicts as well or is more certain over the whole image by more than it loses on
+  // held-out frames; a rarer model by a common one that loses less than the noise there and gains
+  // more.
+  [[nodiscard]] bool IsOutweighed(size_t m, size_t to) const {
     const ModelTrial &trial = choice_.trials[m], &other = choice_.trials[to];
     constexpr int kCommon = static_cast<int>(Usage::kCommon);
     if (!other.comparable || !other.undetermined.empty() || !HasLessFreedom(other, trial)) {
@@ -461,12 +462,12 @@ class Trials {
     return Rarity(other) <= kCommon && Rarity(trial) > kCommon && gain < noise && cost > noise;
   }
 
-  void FindNeedless() {
+  void FindOutweighedByCertainty() {
     auto& trials = choice_.trials;
     for (size_t m = 0; m < trials.size(); ++m) {
       if (!trials[m].comparable || trials[m].outweighed_by) continue;
       for (size_t to = 0; to < trials.size() && !trials[m].outweighed_by; ++to) {
-        if (!GivesWay(m, to)) continue;
+        if (!IsOutweighed(m, to)) continue;
         trials[m].outweighed_by = to;
         trials[m].gain = std::sqrt(std::max(0.0, scores_->Excess(residuals_[to], residuals_[m])));
       }
@@ -494,15 +495,15 @@ class Trials {
   void Recommend() {
     auto& trials = choice_.trials;
     FindOutweighed();
-    FindNeedless();
+    FindOutweighedByCertainty();
     for (size_t m = trials.size(); m-- > 0;) {
-      if (trials[m].comparable && !trials[m].outweighed_by && Decides(m)) choice_.reference = m;
+      if (trials[m].comparable && !trials[m].outweighed_by && IsCandidate(m)) choice_.reference = m;
     }
     CompareWithReference();
     choice_.recommended = choice_.reference;
     for (size_t m = 0; m < trials.size(); ++m) {
       const ModelTrial& trial = trials[m];
-      if (!trial.comparable || trial.outweighed_by || !Decides(m)) continue;
+      if (!trial.comparable || trial.outweighed_by || !IsCandidate(m)) continue;
       // What few frames cannot decide is no reason for more parameters.
       const bool is_richer =
           Rarity(trial) >= 0 && trial.free_parameters > trials[choice_.reference].free_parameters;
@@ -526,7 +527,7 @@ class Trials {
   void RecommendARarerModel() {
     for (size_t m = 0; m < choice_.trials.size(); ++m) {
       const ModelTrial& trial = choice_.trials[m];
-      if (Decides(m) || !trial.comparable || trial.outweighed_by) continue;
+      if (IsCandidate(m) || !trial.comparable || trial.outweighed_by) continue;
       if (!IsClearlyWorse(choice_.recommended, m)) continue;
       choice_.recommended = choice_.reference = m;
       return CompareWithReference();

@@ -34,9 +34,9 @@ std::optional<LatticeShift> SignificantShift(std::span<const LatticeShift> image
 
 std::string ShiftText(const LatticeShift& shift) {
   return fmt::format(
-      "the micro images lie up to {:.2f} px beside those of the white images (pitch {:+.1e} +- {:.1e} "
-      "of itself, rotation {:+.1e} rad, displacement {:+.2f}, {:+.2f} px): the white images or the "
-      "grid are of another focus or zoom, or the sensor has moved",
+      "the micro images lie up to {:.2f} px beside those of the white images (relative change of "
+      "the pitch {:+.1e} +- {:.1e}, rotation {:+.1e} rad, displacement {:+.2f}, {:+.2f} px): the "
+      "white images or the grid are of another focus or zoom, or the sensor has moved",
       shift.Largest(),
       shift.value[2] / shift.corner,
       shift.sigma[2] / shift.corner,
