@@ -407,7 +407,12 @@ CalibratedCamera ReadCamera(const std::string& name,
   camera.name = name;
   camera.model = ReadModel(node.At("model"), models);
   camera.image_size = ReadImageSize(node.At("image_size"));
-  if (node.Has("image_circle")) camera.image_circle = ReadImageCircle(node.At("image_circle"));
+  if (node.Has("image_circle")) {
+    camera.image_circle = ReadImageCircle(node.At("image_circle"));
+    if (!camera.image_circle->IsOf(camera.image_size)) {
+      node.At("image_circle").Fail("lies beside the image, or covers hardly any of it");
+    }
+  }
   for (const Param& param : camera.model->config) {
     camera.config.push_back(ReadWithin(node.At(param.name), param));
   }

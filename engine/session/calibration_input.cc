@@ -92,6 +92,14 @@ CalibrationInput MakeCalibrationInput(const Session& session,
                                       const Run& run) {
   CalibrationInput input;
   input.cameras = std::move(cameras);
+  for (const CameraInput& camera : input.cameras) {
+    if (!camera.image_circle || camera.image_circle->IsOf(camera.image_size)) continue;
+    throw InputError(
+        "{}: the session's image_circle lies beside the image of {} pixels, or covers hardly any of "
+        "it; state [c_x, c_y, r_x, r_y] in px",
+        camera.name,
+        fmt::join(camera.image_size, " x "));
+  }
   input.markers = target.markers;
   input.targets = InputTargetsOf(session);
   input.marker_freedom = MarkerFreedomOf(session, target, run);

@@ -59,6 +59,11 @@ INSTANTIATE_TEST_SUITE_P(
                 "image_size",
                 "imagesize",
                 {"session.yaml:7:", "cameras.cam0.imagesize", "did you mean 'image_size'"}},
+        Mistake{"ImageCircleOfTwoNumbers",
+                "session.yaml",
+                "image_size",
+                "image_circle: [300, 200]\n    image_size",
+                {"session.yaml:7:", "cameras.cam0.image_circle", "[c_x, c_y, r_x, r_y]"}},
         Mistake{"UnknownOption",
                 "session.yaml",
                 "loss:",
@@ -324,6 +329,16 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& test) { return test.param.name; });
 
 class SessionFile : public Workspace {};
+
+TEST_F(SessionFile, NamesAnImageCircleBesideTheImage) {
+  WriteProblem(EasyProblem());
+  const std::string session = Read("session.yaml");
+  for (const char* circle : {"[9000, 9000, 300, 200]", "[300, 200, 5, 5]"}) {
+    Write("session.yaml",
+          Replaced(session, "image_size", fmt::format("image_circle: {}\n    image_size", circle)));
+    ExpectFailure(kWrongInput, {"cam0", "image_circle", "beside the image"});
+  }
+}
 
 TEST_F(SessionFile, ThatIsMissingIsNamed) {
   ExpectFailure(kWrongInput, {"session.yaml", "o such file"});

@@ -332,6 +332,8 @@ TEST_F(RecordFiles, NamePlaceAndKeyOfAMistake) {
   EXPECT_THAT(message("image_size: [640, 480]", "image_size: [640]"), HasSubstr(":5:"));
   EXPECT_THAT(message("image_circle: [310.5, 245, 280", "image_circle: [310.5, 245, 0"),
               AllOf(HasSubstr(":6:"), HasSubstr("positive radius")));
+  EXPECT_THAT(message("image_circle: [310.5, 245, 280", "image_circle: [310.5, 2450, 280"),
+              AllOf(HasSubstr(":6:"), HasSubstr("beside the image")));
   EXPECT_THAT(message("sigma_xi: [0.0001", "sigma_xi: [-0.0001"), HasSubstr("negative"));
   EXPECT_THAT(message("[0, 0, 0, 1]]", "[0, 0, 1, 1]]"), HasSubstr("T_camera_rig"));
   EXPECT_THAT(message("T_camera_rig: [[1,", "T_camera_rig: [[2,"), HasSubstr("no rotation"));
