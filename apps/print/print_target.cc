@@ -54,6 +54,7 @@ struct Placed {
   Eigen::AlignedBox2d visible;  // of the page
   std::string label;
   bool cut_marks = false;
+  bool numbered = false;  // DrawNumbers
 };
 
 struct Page {
@@ -90,15 +91,73 @@ void DrawRuler(cairo_t* context, const Page& page) {
        fmt::format("{:.0f} mm: print at 100 %, then measure this   {}", length, page.name));
 }
 
+// Text around `middle`, of letters `height` high, legible on black and on white.
+void Mark(cairo_t* context, const Eigen::Vector2d& middle, double height, const std::string& text) {
+  SetFont(context, height);
+  cairo_text_extents_t extents;
+  cairo_text_extents(context, text.c_str(), &extents);
+  cairo_move_to(context,
+                middle.x() - extents.x_bearing - extents.width / 2,
+                middle.y() - extents.y_bearing - extents.height / 2);
+  cairo_text_path(context, text.c_str());
+  cairo_set_source_rgb(context, 1, 1, 1);
+  cairo_set_line_width(context, height / 3);
+  cairo_stroke_preserve(context);
+  cairo_set_source_rgb(context, 0.75, 0.1, 0.05);
+  cairo_fill(context);
+}
+
+// The numbers of markers and tags, and the target's axes x and y from its origin, in mm of `part`.
+void DrawNumbers(cairo_t* context, const TargetPart& part) {
+  const auto mark = [&](const Eigen::Vector2d& middle, double height, int number) {
+    Mark(context, kMillimetres * middle, kMillimetres * height, std::to_string(number));
+  };
+  for (const DrawnTag& tag : part.tags) {
+    const Eigen::Vector2d diagonal = tag.outline[2] - tag.outline[0];
+    mark(tag.outline[0] + diagonal / 2, 0.25 * diagonal.norm(), tag.id);
+  }
+  for (const Disc& disc : part.black_discs) mark(disc.centre, disc.radius, disc.marker);
+  if (part.squares) {
+    const SquareGrid& grid = *part.squares;
+    for (int i = 0; i < grid.columns * grid.rows; ++i) {
+      const Eigen::Vector2d place(i % grid.columns, i / grid.columns);
+      mark(grid.pitch * place + Eigen::Vector2d::Constant(grid.first), 0.25 * grid.pitch, i);
+    }
+  }
+  const RigidTransform T_part_target = part.T_target_part.Inverse();
+  const double out_of_plane =
+      std::abs(T_part_target.t.z()) + T_part_target.R.col(2).head<2>().norm();
+  if (out_of_plane > 1e-6) return;
+  const Eigen::Vector2d origin = kMillimetres * T_part_target.t.head<2>();
+  const double length = kMillimetres * part.paper.sizes().minCoeff() / 4, text = length / 5;
+  for (const int axis : {0, 1}) {
+    const Eigen::Vector2d along = T_part_target.R.col(axis).head<2>();
+    const Eigen::Vector2d end = origin + length * along, across(-along.y(), along.x());
+    cairo_set_source_rgb(context, 0.05, 0.3, 0.75);
+    cairo_set_line_width(context, text / 6);
+    Line(context, origin.x(), origin.y(), end.x(), end.y());
+    for (const double side : {-0.5, 0.5}) {
+      const Eigen::Vector2d barb = end + text * (side * across - along);
+      Line(context, end.x(), end.y(), barb.x(), barb.y());
+    }
+    cairo_stroke(context);
+    const Eigen::Vector2d other = T_part_target.R.col(1 - axis).head<2>();
+    Mark(context, end - 0.9 * text * other, text, axis == 0 ? "x" : "y");
+  }
+}
+
 void DrawPlaced(cairo_t* context, const Placed& placed) {
   const Eigen::AlignedBox2d& box = placed.visible;
   cairo_save(context);
   cairo_rectangle(context, box.min().x(), box.min().y(), box.sizes().x(), box.sizes().y());
   cairo_clip(context);
-  cairo_translate(context, placed.at.x(), placed.at.y());
+  const Eigen::Vector2d origin = placed.at - kMillimetres * placed.part->paper.min();
+  cairo_translate(context, origin.x(), origin.y());
+  cairo_save(context);
   cairo_scale(context, kMillimetres, kMillimetres);
-  cairo_translate(context, -placed.part->paper.min().x(), -placed.part->paper.min().y());
   FillBlack(context, *placed.part);
+  cairo_restore(context);
+  if (placed.numbered) DrawNumbers(context, *placed.part);
   cairo_restore(context);
   if (placed.cut_marks) {
     constexpr double kAway = 0.5, kLength = 3;
@@ -348,7 +407,10 @@ std::vector<std::filesystem::path> PrintTarget(const PrintRequest& request) {
   const std::vector<TargetPart> sheets = DrawTarget(target);
   const std::vector<TargetPart> tags =
       sheets[0].tags.empty() ? std::vector<TargetPart>() : DrawTarget(target, Pieces::kApart);
-  const std::vector<Page> pages = LayOut(sheets, tags, paper);
+  std::vector<Page> pages = LayOut(sheets, tags, paper);
+  for (Page& page : pages) {
+    for (Placed& placed : page.placed) placed.numbered = request.numbers;
+  }
 
   OutputContents files;
   if (extension == ".pdf") {

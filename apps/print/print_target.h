@@ -15,6 +15,7 @@ struct PrintRequest {
   std::filesystem::path out;  ///< .svg, .pdf or .png
   std::string paper = "fit";  ///< a name as of --paper
   double dpi = 300;           ///< of PNG
+  bool numbers = false;       ///< draws the markers' numbers and the target's axes, too: to look at
 };
 
 /// Writes the target at true scale with a ruler; what does not fit on one page is spread over

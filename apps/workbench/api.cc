@@ -591,7 +591,7 @@ Answer Api::DrawTarget() {
     fs::remove_all(made);
     fs::create_directories(made);
     try {
-      PrintTarget({.target = session.target.file, .out = made / "target.svg"});
+      PrintTarget({.target = session.target.file, .out = made / "target.svg", .numbers = true});
     } catch (const Error& error) {
       return without(error.what());
     }

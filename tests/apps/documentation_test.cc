@@ -53,6 +53,13 @@ class Documentation : public Workspace {
   }
 };
 
+TEST_F(Documentation, AFirstCalibrationIsGoodAndIsHandedOver) {
+  RunExamplesOf("first_calibration.md");
+  EXPECT_THAT(Verdict("first/result"), HasSubstr("This calibration is good."));
+  EXPECT_TRUE(fs::exists(Path("camera.yml")));
+  EXPECT_EQ(std::distance(fs::directory_iterator(Path("straight")), {}), 21);
+}
+
 TEST_F(Documentation, ConventionsAreShownOnARig) {
   RunExamplesOf("conventions.md");
   const YAML::Node xi = Result("rig/result")["cameras"]["right"]["xi_camera_rig"];

@@ -25,6 +25,8 @@ void DeclareTarget(CLI::App* app, PrintRequest* request, ConsoleOptions* shared)
   app->add_option("--dpi", request->dpi, "PNG: pixels per inch")
       ->check(CLI::Range(30.0, 2400.0))
       ->capture_default_str();
+  app->add_flag(
+      "--numbers", request->numbers, "draw markers' numbers and axes: to look at, not to print");
   AddQuiet(app, shared);
 }
 

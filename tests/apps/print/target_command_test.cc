@@ -2,6 +2,7 @@
 //
 // `plenocal target`: what is printed is found by our own detectors, at its true size.
 #include <Eigen/LU>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -10,6 +11,7 @@
 
 #include "detectors/types/marker_detectors.h"
 #include "targets/target.h"
+#include "targets/target_drawing.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -97,6 +99,45 @@ TEST_F(TargetCommand, PrintsBoardsThatAreFoundAtTheirTrueSize) {
     Write("target.yaml", "plenocal: 1\n" + text);
     ASSERT_EQ(Print("print.png", {"--dpi", "150"}).status, kDone);
     ExpectAll(Page("print.png"), count);
+  }
+}
+
+// Red numbers at the markers, blue axes that begin at the origin, neither without --numbers.
+TEST_F(TargetCommand, NumbersMarkersAndDrawsTheAxes) {
+  constexpr double kMargin = 0.010;  // m
+  const std::vector<std::string> targets{
+      "type: chessboard\ncolumns: 4\nrows: 3\nsquare: 0.02\n",
+      "type: charuco\ncolumns: 5\nrows: 4\nsquare: 0.02\nmarker: 0.014\n"
+      "dictionary: DICT_4X4_50\n",
+      "type: circles\ncolumns: 4\nrows: 3\nspacing: 0.02\npattern: symmetric\n"};
+  for (const std::string& text : targets) {
+    SCOPED_TRACE(text);
+    Write("target.yaml", "plenocal: 1\n" + text);
+    ASSERT_EQ(Print("plain.png", {"--dpi", "150"}).status, kDone);
+    ASSERT_EQ(Print("numbers.png", {"--dpi", "150", "--numbers"}).status, kDone);
+    const auto coloured = [&](const std::string& name, int strong, const cv::Rect& part) {
+      const cv::Mat page = cv::imread(Path(name).string());
+      std::array<cv::Mat, 3> channels;
+      cv::split(page(part & cv::Rect({}, page.size())), channels.data());
+      cv::Mat difference;
+      cv::subtract(channels[strong], channels[2 - strong], difference);
+      return cv::countNonZero(difference > 60);
+    };
+    const cv::Rect all(0, 0, 100000, 100000);
+    EXPECT_EQ(coloured("plain.png", 0, all) + coloured("plain.png", 2, all), 0);
+    const TargetPart part = DrawTarget(ReadTarget(Path("target.yaml"))).at(0);
+    const Eigen::Vector2d origin = Eigen::Vector2d::Constant(kMargin) - part.paper.min();
+    const auto around = [&](const Eigen::Vector2d& place, double radius) {
+      const Eigen::Vector2d corner = (place - Eigen::Vector2d::Constant(radius)) / kPixel;
+      const int size = static_cast<int>(2 * radius / kPixel);
+      return cv::Rect(static_cast<int>(corner.x()), static_cast<int>(corner.y()), size, size);
+    };
+    EXPECT_GT(coloured("numbers.png", 0, around(origin, 0.002)), 10);
+    EXPECT_EQ(coloured("numbers.png", 0, around(origin - Eigen::Vector2d(0.004, 0.004), 0.002)), 0);
+    for (const auto& [marker, position] : ReadTarget(Path("target.yaml")).markers) {
+      EXPECT_GT(coloured("numbers.png", 2, around(origin + position.head<2>(), 0.004)), 5)
+          << marker;
+    }
   }
 }
 
