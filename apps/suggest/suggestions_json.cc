@@ -60,12 +60,20 @@ Json SuggestionsJson(const SuggestedViews& suggested) {
                      {"region_sigma_after", sigma ? Json(view.region_after) : Json()},
                      {"outline", Outlines(view, rig)}});
   }
+  Json bound;
+  if (suggestions.bound) {
+    bound = {{"words", ViewBoundText(suggestions)},
+             {"sigma", suggestions.bound->sigma},
+             {"further", suggestions.bound->further},
+             {"suggested", suggestions.suggested ? Json(*suggestions.suggested) : Json()}};
+  }
   return {{"verdict", suggested.verdict ? Json(GradeName(suggested.verdict->grade)) : Json()},
           {"frames", suggestions.frames},
           {"sigma_now", suggestions.sigma},
           {"goal", suggestions.goal},
           {"reached", suggestions.reached},
           {"exhausted", suggestions.exhausted},
+          {"bound", bound},
           {"distances", suggestions.distances},
           {"views", views}};
 }

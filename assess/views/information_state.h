@@ -22,6 +22,7 @@ class InformationState {
                    const ProjectionSigma& projection);
 
   void Add(const Eigen::MatrixXd& information);
+  [[nodiscard]] const Eigen::MatrixXd& Information() const { return information_; }
   [[nodiscard]] const Eigen::MatrixXd& Covariance() const { return covariance_; }
   [[nodiscard]] double Sigma() const { return projection_->Of(covariance_); }
   /// Infinite while something is not determined.

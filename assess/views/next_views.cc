@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "assess/views/information_state.h"
+#include "assess/views/optimal_design.h"
 #include "assess/views/view_information.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
@@ -21,14 +22,17 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kDegrees = 57.29577951308232;
 // Sizes of the stages from coarse to fine: markers and candidates.
-constexpr size_t kCoarseMarkers = 12, kFineMarkers = 80;
-constexpr size_t kKept = 400, kExecuted = 16;
+constexpr size_t kCoarseMarkers = 24, kFineMarkers = 150;
+constexpr size_t kKept = 400, kPreferred = 100, kExecuted = 16;
+// The most views that are counted until the goal.
+constexpr size_t kMostViews = 50;
 
 struct Candidate {
   TargetPose pose;
   RigidTransform T_rig_target;
-  std::optional<Eigen::MatrixXd> information = std::nullopt;
-  double score = 0;
+  Eigen::VectorXf coarse = {};    // packed information by few markers
+  std::optional<size_t> fine{};   // column of that by more, if it is known
+  Eigen::MatrixXd expected = {};  // mean over executed poses; empty: not known
 };
 
 // Whether a person sees two suggestions as different.
@@ -66,10 +70,20 @@ class Choice {
     result.sigma = state_.SigmaOfImages();
     result.reached = result.sigma <= options_.goal;
     MakeCandidates();
-    for (int i = 0; i < options_.count; ++i) {
-      const std::optional<NextView> view = Choose(result.views);
-      if (!view) break;
-      result.views.push_back(*view);
+    // Before there are frames the estimate is the lens' as the user states it.
+    if (result.frames == 0 || std::isfinite(result.sigma)) result.bound = Bound(result.frames);
+    const auto wanted = static_cast<size_t>(options_.count);
+    for (size_t i = 0; i < std::max(wanted, kMostViews); ++i) {
+      const bool reached = state_.SigmaOfImages() <= options_.goal;
+      if (reached && !result.suggested) result.suggested = i;
+      if (reached && i >= wanted) break;
+      Candidate* const best = Best(i < wanted ? result.views : std::vector<NextView>());
+      if (best == nullptr) break;
+      if (i < wanted) {
+        result.views.push_back(Take(*best));
+      } else {
+        state_.Add(best->expected);
+      }
     }
     constexpr double kWorthIt = 0.9;
     result.exhausted = std::isfinite(result.sigma) && !result.views.empty() &&
@@ -110,48 +124,112 @@ class Choice {
              .T_rig_target = rig_.bundle.cameras[c].T_camera_rig.Inverse() * *T_camera_target});
       }
     }
-    Score(kCoarseMarkers);
-    Keep(kKept);
-    if (candidates_.empty()) {
+    std::vector<double> scores(candidates_.size(), -kInfinity);
+    ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
+      const auto information = InformationOf(candidates_[i], kCoarseMarkers);
+      if (!information) return;
+      candidates_[i].coarse = Packed(*information).cast<float>();
+      scores[i] = state_.Gain(*information);
+    });
+    std::vector<size_t> best(candidates_.size());
+    std::iota(best.begin(), best.end(), size_t{0});
+    std::erase_if(best, [&](size_t i) { return scores[i] == -kInfinity; });
+    if (best.empty()) {
       throw JobError(
           "no pose of the target is feasible: nowhere between these distances can enough "
           "of it be seen; check target, image size and lens angle, or set --near and "
           "--far");
     }
-    ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
-      candidates_[i].information = InformationOf(candidates_[i], kFineMarkers);
+    std::ranges::stable_sort(best, [&](size_t a, size_t b) { return scores[a] > scores[b]; });
+    // Later suggestions come from the best at different places, so those of each ninth of the
+    // image and camera are among them.
+    const size_t of_each = kKept / (kRegions * rig_.bundle.cameras.size()) + 1;
+    std::map<std::pair<size_t, size_t>, size_t> counts;
+    size_t kept = 0;
+    std::erase_if(best, [&](size_t i) {
+      const TargetPose& pose = candidates_[i].pose;
+      const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
+      size_t& count = counts[{pose.camera, RegionOf(pose.place, size)}];
+      return kept++ >= kKept && ++count > of_each;
     });
+    Refine(best);
+  }
+
+  // Computes the information of candidates by more markers.
+  void Refine(const std::vector<size_t>& chosen) {
+    std::vector<std::optional<Eigen::MatrixXd>> all(chosen.size());
+    ParallelFor(chosen.size(), options_.threads, [&](size_t i) {
+      all[i] = InformationOf(candidates_[chosen[i]], kFineMarkers);
+    });
+    Eigen::Index column = fine_.cols();
+    fine_.conservativeResize(candidates_[chosen[0]].coarse.size(),
+                             column + static_cast<Eigen::Index>(chosen.size()));
+    for (size_t i = 0; i < chosen.size(); ++i) {
+      Candidate& candidate = candidates_[chosen[i]];
+      if (!all[i]) {
+        candidate.coarse.resize(0);
+        continue;
+      }
+      candidate.fine = column;
+      fine_.col(column++) = Packed(*all[i]);
+    }
+    fine_.conservativeResize(Eigen::NoChange, column);
+  }
+
+  // The best `count` views beside those so far. Few markers leave an error in the information, so
+  // that of all views that may be among the best is computed by more.
+  OptimalDesign Design(const Eigen::MatrixXd& so_far, double count, Eigen::VectorXd* weights) {
+    constexpr float kMayBe = 0.7F;  // of the steepest
+    constexpr size_t kAtOnce = 200;
+    for (;;) {
+      OptimalDesign design = SolveDesign(projection_.All(), so_far, fine_, count, *weights);
+      *weights = design.weights;
+      const Eigen::VectorXf slope = PackedTwice(design.slope).cast<float>();
+      std::vector<std::pair<float, size_t>> steep;
+      for (size_t i = 0; i < candidates_.size(); ++i) {
+        const Candidate& each = candidates_[i];
+        if (each.fine || each.coarse.size() == 0) continue;
+        const float loss = slope.dot(each.coarse);
+        if (loss > kMayBe * static_cast<float>(design.steepest)) steep.emplace_back(-loss, i);
+      }
+      if (steep.empty()) return design;
+      std::ranges::sort(steep);
+      steep.resize(std::min(steep.size(), kAtOnce));
+      std::vector<size_t> chosen;
+      for (const auto& [loss, i] : steep) chosen.push_back(i);
+      Refine(chosen);
+    }
+  }
+
+  ViewBound Bound(size_t frames) {
+    ViewBound bound;
+    Eigen::VectorXd weights;
+    if (frames > 0) {
+      const auto count = static_cast<double>(frames);
+      const Eigen::Index size = unknowns_.unit.size();
+      const OptimalDesign design = Design(Eigen::MatrixXd::Identity(size, size), count, &weights);
+      const InformationState best(Inverse(design.covariance), unknowns_.head, projection_);
+      if (best.IsDetermined()) bound.sigma = std::sqrt(design.LeastTrace(count));
+    }
+    if (state_.Sigma() <= options_.goal) return bound;
+    // Newton's method: f is convex in the number of views, so that each step stays a bound.
+    const double goal = options_.goal * options_.goal;
+    constexpr double kLarge = 1000, kSame = 1.005;
+    weights.resize(0);
+    for (double count = 0, next = 1; next > kSame * count; next = bound.further) {
+      count = next;
+      bound.further = Design(state_.Information(), count, &weights).FewestViews(goal);
+      if (!(bound.further < kLarge)) bound.further = kInfinity;
+      if (std::isinf(bound.further)) return bound;
+    }
+    bound.further = std::max(1.0, std::ceil(bound.further));
+    return bound;
   }
 
   // Nothing where the camera before which the pose was made, and which its words name, does not
   // find the target, even if another one does.
   std::optional<Eigen::MatrixXd> InformationOf(const Candidate& candidate, size_t markers) const {
-    const bool found =
-        predictor_.PredictVisibility(candidate.pose.camera, candidate.T_rig_target, markers).found;
-    if (!found) return std::nullopt;
-    return predictor_.Information(candidate.T_rig_target, markers);
-  }
-
-  void Score(size_t markers) {
-    ParallelFor(candidates_.size(), options_.threads, [&](size_t i) {
-      const auto information = InformationOf(candidates_[i], markers);
-      candidates_[i].score = information ? state_.Gain(*information) : -kInfinity;
-    });
-  }
-
-  // The best by score; later suggestions come from the best at different places, so those of each
-  // ninth of the image and camera are kept.
-  void Keep(size_t most) {
-    std::erase_if(candidates_, [](const Candidate& each) { return each.score == -kInfinity; });
-    std::ranges::stable_sort(candidates_, std::ranges::greater{}, &Candidate::score);
-    const size_t of_each = most / (kRegions * rig_.bundle.cameras.size()) + 1;
-    std::map<std::pair<size_t, size_t>, size_t> counts;
-    size_t kept = 0;
-    std::erase_if(candidates_, [&](const Candidate& each) {
-      const ImageSize size = rig_.bundle.cameras[each.pose.camera].image_size;
-      size_t& count = counts[{each.pose.camera, RegionOf(each.pose.place, size)}];
-      return kept++ >= most && ++count > of_each;
-    });
+    return predictor_.Information(candidate.T_rig_target, markers, candidate.pose.camera);
   }
 
   // Mean of the information over the poses that come of it. A target that is not found then adds
@@ -173,41 +251,51 @@ class Choice {
     return sum;
   }
 
-  std::optional<NextView> Choose(const std::vector<NextView>& before) {
-    std::vector<std::pair<double, const Candidate*>> open;
+  // The candidate of the largest expected gain that differs from those views; null: none gains.
+  Candidate* Best(const std::vector<NextView>& before) {
+    const bool sigma = state_.Criterion() == ViewCriterion::kSigma;
+    const Eigen::VectorXd losses =
+        fine_.transpose() *
+        PackedTwice(sigma ? state_.Covariance() * projection_.All() * state_.Covariance()
+                          : state_.Covariance());
+    std::vector<std::pair<double, Candidate*>> open;
     for (Candidate& each : candidates_) {
-      if (!each.information) continue;
+      if (!each.fine) continue;
       const ImageSize size = rig_.bundle.cameras[each.pose.camera].image_size;
-      if (!std::ranges::all_of(
+      if (std::ranges::all_of(
               before, [&](const NextView& view) { return Differ(view.pose, each.pose, size); })) {
-        continue;
+        open.emplace_back(losses[static_cast<Eigen::Index>(*each.fine)], &each);
       }
-      open.emplace_back(0, &each);
     }
+    const auto keep_best = [&](size_t count) {
+      std::ranges::stable_sort(open,
+                               [](const auto& a, const auto& b) { return a.first > b.first; });
+      open.resize(std::min(open.size(), count));
+    };
+    // The loss per view is the gain by a small part of it.
+    if (sigma) keep_best(kPreferred);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
-      open[i].first = state_.Gain(*open[i].second->information);
+      const auto column = static_cast<Eigen::Index>(*open[i].second->fine);
+      open[i].first = state_.Gain(Unpacked(fine_.col(column)));
     });
-    std::ranges::stable_sort(open, [](const auto& a, const auto& b) { return a.first > b.first; });
-    open.resize(std::min(open.size(), kExecuted));
-    std::vector<Eigen::MatrixXd> expected(open.size());
+    keep_best(kExecuted);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
-      expected[i] = Expected(*open[i].second);
-      open[i].first = state_.Gain(expected[i]);
+      Candidate& each = *open[i].second;
+      if (each.expected.size() == 0) each.expected = Expected(each);
+      open[i].first = state_.Gain(each.expected);
     });
-    const auto best = std::ranges::max_element(
-        open, [](const auto& a, const auto& b) { return a.first < b.first; });
-    if (best == open.end() || !(best->first > 0)) return std::nullopt;
-    return Take(*best->second, expected[static_cast<size_t>(best - open.begin())]);
+    keep_best(1);
+    return open.empty() || !(open[0].first > 0) ? nullptr : open[0].second;
   }
 
-  NextView Take(const Candidate& candidate, const Eigen::MatrixXd& information) {
+  NextView Take(const Candidate& candidate) {
     const size_t camera = candidate.pose.camera;
     NextView view{.pose = candidate.pose,
                   .T_rig_target = candidate.T_rig_target,
                   .criterion = state_.Criterion()};
     const Eigen::MatrixXd before = state_.Covariance();
     view.sigma_before = state_.Sigma();
-    state_.Add(information);
+    state_.Add(candidate.expected);
     view.sigma_after = state_.Sigma();
     double most = -kInfinity;
     for (size_t r = 0; r < kRegions; ++r) {
@@ -270,6 +358,7 @@ class Choice {
   ProjectionSigma projection_;
   InformationState state_;
   std::vector<Candidate> candidates_;
+  Eigen::MatrixXd fine_;  // packed information, a column each
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 // The next views of a target that lower the standard error of a rig's projection most.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -44,13 +45,25 @@ struct NextView {
   std::map<size_t, std::vector<std::vector<Eigen::Vector2d>>> outlines = {};
 };
 
+/// What the best choice of views could reach at the present estimate and noise: no whole number of
+/// candidates is better (`OptimalDesign`).
+struct ViewBound {
+  /// Sigma of the projection of as many frames as there are now, px; infinite where these need not
+  /// determine all.
+  double sigma = std::numeric_limits<double>::infinity();
+  /// Fewest views beside the frames so far until the goal; infinite: no number of them reaches it.
+  double further = 0;
+};
+
 struct NextViews {
   std::vector<NextView> views = {};  ///< best first; fewer than asked for when no more are feasible
   double sigma = 0;                  ///< now, px; infinite while something is not determined
   double goal = 0;
-  bool reached = false;           ///< `sigma` is below the goal
-  bool exhausted = false;         ///< `views` together gain less than a tenth
-  std::vector<double> distances;  ///< at which the projection is judged, m
+  bool reached = false;                  ///< `sigma` is below the goal
+  bool exhausted = false;                ///< `views` together gain less than a tenth
+  std::optional<ViewBound> bound = {};   ///< none: something is not determined yet
+  std::optional<size_t> suggested = {};  ///< views until the goal, as suggested one by one
+  std::vector<double> distances;         ///< at which the projection is judged, m
   size_t frames = 0;
 };
 
@@ -69,6 +82,9 @@ NextViews ChooseNextViews(const RigEstimate& rig,
 /// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
 /// there 1.6 -> 0.4 px".
 std::string NextViewText(const NextView& view, const RigEstimate& rig);
+/// "the best 9 frames possible would reach 0.021 px; the goal takes at least 2 more, 3 as
+/// suggested"; empty while something is not determined.
+std::string ViewBoundText(const NextViews& suggestions);
 /// All suggestions for the terminal. `verdict`: of the calibration so far. `assumed_angle`: the
 /// lens' angle is given where the images do not determine it.
 std::string NextViewsText(const NextViews& suggestions,

@@ -73,6 +73,23 @@ std::string NextViewText(const NextView& view, const RigEstimate& rig) {
                              view.region_after);
 }
 
+std::string ViewBoundText(const NextViews& suggestions) {
+  if (!suggestions.bound) return "";
+  const ViewBound& bound = *suggestions.bound;
+  std::string words;
+  if (std::isfinite(bound.sigma)) {
+    words = fmt::format("the best {} possible would reach {:.2g} px",
+                        Counted(suggestions.frames, "frame"),
+                        bound.sigma);
+  }
+  if (suggestions.reached) return words;
+  words += words.empty() ? "" : "; ";
+  if (std::isinf(bound.further)) return words + "no number of these views reaches the goal";
+  words += fmt::format("the goal takes at least {:.0f} more", bound.further);
+  return words +
+         (suggestions.suggested ? fmt::format(", {} as suggested", *suggestions.suggested) : "");
+}
+
 std::string NextViewsText(const NextViews& suggestions,
                           const RigEstimate& rig,
                           const std::optional<Verdict>& verdict,
@@ -89,6 +106,7 @@ std::string NextViewsText(const NextViews& suggestions,
                             ? ""
                             : ", so distances are uncertain as well: --angle DEGREES, the "
                               "lens' horizontal field of view, makes them better");
+  if (const std::string bound = ViewBoundText(suggestions); !bound.empty()) text += bound + "\n";
   if (suggestions.reached) text += "the goal is reached; these views would add most:\n";
   if (!suggestions.reached && suggestions.exhausted) {
     text +=

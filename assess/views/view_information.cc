@@ -126,12 +126,14 @@ TargetVisibility ViewPredictor::PredictVisibility(size_t camera,
   const RigidTransform T_camera_target = rig_.bundle.cameras[camera].T_camera_rig * T_rig_target;
   const std::vector<size_t> chosen = Chosen(most);
   for (const size_t m : chosen) {
-    if (const auto u_px = Image(camera, T_camera_target, markers_[m]))
-      visibility.u_px.push_back(*u_px);
+    const auto u_px = Image(camera, T_camera_target, markers_[m]);
+    if (!u_px) continue;
+    visibility.markers.push_back(m);
+    visibility.u_px.push_back(*u_px);
   }
-  visibility.markers = visibility.u_px.size();
-  const double part = static_cast<double>(visibility.markers) / static_cast<double>(chosen.size());
-  visibility.found = visibility.markers >= std::min(kFewestMarkers, chosen.size()) &&
+  const size_t count = visibility.markers.size();
+  const double part = static_cast<double>(count) / static_cast<double>(chosen.size());
+  visibility.found = count >= std::min(kFewestMarkers, chosen.size()) &&
                      part >= (shape_.found_in_part ? kFoundPart : 1);
   return visibility;
 }
@@ -178,21 +180,21 @@ class ViewPredictor::CameraRows {
         plus_(ZeroRows(own_ + 7, kCapacity)),
         minus_(ZeroRows(own_ + 7, kCapacity)) {}
 
-  /// One marker: observations of it, whose rows count `weight` times. False, and nothing added,
-  /// where a row is not finite.
+  /// One marker that stands for `markers`: observations of it, each repeated `repeats` times.
+  /// False, and nothing added, where a row is not finite.
   [[nodiscard]] bool Add(const MarkerShape& marker,
                          std::span<const BundleObservation* const> observations,
-                         double weight) {
-    const double root = std::sqrt(weight);
+                         double repeats,
+                         double markers) {
     Shared BB = Shared::Identity(B_.cols(), B_.cols());
     JB_.setZero();
     Eigen::MatrixXd more(own_ + 7, rows_ * static_cast<Eigen::Index>(observations.size()));
     Eigen::Index count = 0;
     for (const BundleObservation* observation : observations) {
       if (!Linearise(marker, *observation)) continue;
-      more.middleCols(count, rows_) = root * J_.transpose();
-      JB_.noalias() += weight * J_.transpose() * B_;
-      BB.noalias() += weight * B_.transpose() * B_;
+      more.middleCols(count, rows_) = std::sqrt(markers * repeats) * J_.transpose();
+      JB_.noalias() += repeats * J_.transpose() * B_;
+      BB.noalias() += repeats * B_.transpose() * B_;
       count += rows_;
     }
     if (!more.leftCols(count).allFinite()) return false;
@@ -200,7 +202,7 @@ class ViewPredictor::CameraRows {
     // noise.
     const Eigen::LLT<Shared> shared(BB);
     for (Eigen::Index k = 0; k < count; ++k) Put(more.col(k), &plus_, &plus_count_);
-    const Eigen::MatrixXd common = shared.matrixL().solve(JB_.transpose());
+    const Eigen::MatrixXd common = shared.matrixL().solve(std::sqrt(markers) * JB_.transpose());
     for (Eigen::Index k = 0; k < common.rows(); ++k) Put(common.row(k), &minus_, &minus_count_);
     return true;
   }
@@ -278,10 +280,11 @@ class ViewPredictor::CameraRows {
   }
 
   void Flush() {
-    AddRowProducts(1, plus_, &N_);
-    AddRowProducts(-1, minus_, &N_);
-    plus_.setZero();
-    minus_.setZero();
+    const Eigen::Index plus = RoundUpToFour(plus_count_), minus = RoundUpToFour(minus_count_);
+    AddRowProducts(1, plus_, plus, &N_);
+    AddRowProducts(-1, minus_, minus, &N_);
+    plus_.leftCols(plus).setZero();
+    minus_.leftCols(minus).setZero();
     plus_count_ = minus_count_ = 0;
   }
 
@@ -311,23 +314,28 @@ std::optional<ViewPredictor::FrameInformation> ViewPredictor::WithoutPose(const 
 }
 
 std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& T_rig_target,
-                                                          size_t most) const {
+                                                          size_t most,
+                                                          std::optional<size_t> must) const {
+  std::vector<TargetVisibility> visibilities(rig_.bundle.cameras.size());
+  if (must) {
+    visibilities[*must] = PredictVisibility(*must, T_rig_target, most);
+    if (!visibilities[*must].found) return std::nullopt;
+  }
   Sums sums(unknowns_.unit.size());
-  const std::vector<size_t> chosen = Chosen(most);
-  const double weight = static_cast<double>(markers_.size()) / static_cast<double>(chosen.size());
+  const double weight =
+      static_cast<double>(markers_.size()) / static_cast<double>(Chosen(most).size());
   bool found = false;
   for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-    if (!PredictVisibility(c, T_rig_target, most).found) continue;
+    if (c != must) visibilities[c] = PredictVisibility(c, T_rig_target, most);
+    if (!visibilities[c].found) continue;
     found = true;
-    const RigidTransform T_camera_target = rig_.bundle.cameras[c].T_camera_rig * T_rig_target;
     CameraRows rows(*this, c, T_rig_target);
-    for (const size_t m : chosen) {
-      if (!Image(c, T_camera_target, markers_[m])) continue;
+    for (const size_t m : visibilities[c].markers) {
       double repeats = 1;
       const auto observations = Predicted(c, T_rig_target, markers_[m], &repeats);
       std::vector<const BundleObservation*> all;
       for (const BundleObservation& each : observations) all.push_back(&each);
-      if (!rows.Add(markers_[m], all, weight * repeats)) return std::nullopt;
+      if (!rows.Add(markers_[m], all, repeats, weight)) return std::nullopt;
     }
     rows.AddTo(&sums);
   }
@@ -357,7 +365,7 @@ std::optional<ViewPredictor::FrameInformation> ViewPredictor::MakeFrameInformati
       const auto marker = by_number_.find(rig_.bundle.markers[static_cast<size_t>(index)].number);
       if (marker == by_number_.end() || used.empty()) continue;
       // What is not finite adds nothing.
-      (void)rows.Add(markers_[marker->second], used, 1);
+      (void)rows.Add(markers_[marker->second], used, 1, 1);
     }
     rows.AddTo(&sums);
   }

@@ -17,8 +17,8 @@ namespace plenocal {
 
 /// How one camera would see the target.
 struct TargetVisibility {
-  size_t markers = 0;                 ///< that can be measured
-  bool found = false;                 ///< enough of them for a detector
+  bool found = false;                 ///< enough markers for a detector
+  std::vector<size_t> markers;        ///< that can be measured, in the predictor's order
   std::vector<Eigen::Vector2d> u_px;  ///< of those, in the image
 };
 
@@ -31,10 +31,13 @@ class ViewPredictor {
   /// Information that a frame with this pose adds on the unknowns in units, its pose eliminated:
   ///   J_t' W J_t - J_t' W J_x (J_x' W J_x)^-1 J_x' W J_t,
   /// W the inverse of the variance of the points and of the markers, which are taken for unknowns
-  /// of this frame. Nothing when no camera finds the target or the pose is not determined.
-  /// `most_markers`: at most so many are computed, evenly spread; they stand for all.
-  [[nodiscard]] std::optional<Eigen::MatrixXd> Information(const RigidTransform& T_rig_target,
-                                                           size_t most_markers) const;
+  /// of this frame. Nothing when no camera finds the target, or not the one that must, or the pose
+  /// is not determined. `most_markers`: at most so many are computed, evenly spread; they stand for
+  /// all.
+  [[nodiscard]] std::optional<Eigen::MatrixXd> Information(
+      const RigidTransform& T_rig_target,
+      size_t most_markers,
+      std::optional<size_t> camera_that_must = {}) const;
 
   /// Normal equations of one frame (unknowns in units), pose eliminated: its part of the
   /// information, and J' W r of its residuals r.

@@ -220,6 +220,45 @@ TEST(NextViews, AreBetterThanMoreOfTheSame) {
   EXPECT_LT(next.views[1].sigma_after, projection.Of(Inverted(SoFar(six_more.rig, unknowns))));
 }
 
+TEST(NextViews, StateWhatTheBestChoiceCouldReach) {
+  const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
+  const Known known = KnownFrom(problem.input);
+  const ViewTarget shape = BoardOf(problem.markers);
+  const NextViews next = ChooseNextViews(known.rig, shape, {.count = 4});
+  ASSERT_TRUE(next.bound);
+  EXPECT_LT(next.bound->sigma, next.sigma);
+  for (const double goal : {0.9, 0.5, 0.3}) {
+    const NextViews until =
+        ChooseNextViews(known.rig, shape, {.count = 1, .goal = goal * next.sigma});
+    ASSERT_TRUE(until.bound && until.suggested) << goal;
+    EXPECT_GE(until.bound->further, 1);
+    EXPECT_LE(until.bound->further, static_cast<double>(*until.suggested));
+  }
+  // The suggestions are a choice as well.
+  const NextViews same =
+      ChooseNextViews(known.rig, shape, {.count = 1, .goal = next.views.back().sigma_after});
+  EXPECT_LE(same.bound->further, 4);
+  EXPECT_EQ(ChooseNextViews(known.rig, shape, {.goal = 100}).bound->further, 0);
+  const NextViews never = ChooseNextViews(known.rig, shape, {.count = 1, .goal = 1e-6});
+  EXPECT_TRUE(std::isinf(never.bound->further));
+  EXPECT_FALSE(never.suggested);
+  EXPECT_THAT(ViewBoundText(never), HasSubstr("no number of these views reaches the goal"));
+}
+
+TEST(NextViews, StateNoBoundWhileSomethingIsNotDetermined) {
+  const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
+  RigEstimate rig = KnownFrom(problem.input).rig;
+  rig.bundle.observations.clear();
+  EXPECT_FALSE(ChooseNextViews(rig, BoardOf(problem.markers), {.count = 1}).bound);
+  // Before the first frame the lens is given.
+  rig.bundle.T_rig_target.clear();
+  const NextViews first = ChooseNextViews(rig, BoardOf(problem.markers), {.count = 1});
+  ASSERT_TRUE(first.bound && first.suggested);
+  EXPECT_TRUE(std::isinf(first.bound->sigma));
+  EXPECT_GE(first.bound->further, 1);
+  EXPECT_LE(first.bound->further, static_cast<double>(*first.suggested));
+}
+
 // Frames that all face the camera at one distance leave focal length and distance together.
 TEST(NextViews, TiltWhereNothingWasTilted) {
   SyntheticProblem problem = MakeProblem(9, {.frames = 8});
@@ -313,6 +352,20 @@ TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
   EXPECT_GT(next.views[0].pose.distance, seen.front() / 2.5);
   EXPECT_LT(next.views[0].pose.distance, seen.back() * 2.5);
   EXPECT_FALSE(next.views[0].outlines.at(0).at(0).empty());
+}
+
+TEST(NextViews, StateTheBoundInWords) {
+  NextViews next;
+  next.frames = 9;
+  next.bound = {.sigma = 0.0214, .further = 2};
+  next.suggested = 3;
+  EXPECT_EQ(ViewBoundText(next),
+            "the best 9 frames possible would reach 0.021 px; the goal takes at least 2 more, 3 as "
+            "suggested");
+  next.reached = true;
+  EXPECT_EQ(ViewBoundText(next), "the best 9 frames possible would reach 0.021 px");
+  next.bound.reset();
+  EXPECT_EQ(ViewBoundText(next), "");
 }
 
 TEST(NextViews, AreInWords) {

@@ -97,6 +97,8 @@ export interface Suggestions {
   goal: number;
   reached: boolean;
   exhausted: boolean;
+  /** What the best choice of views could reach; null: something is not determined. */
+  bound: { words: string } | null;
   frames: number;
   views: {
     words: string;

@@ -87,6 +87,7 @@ function Suggested() {
         {next.frames} frames;{" "}
         {next.sigma_now === null ? "they do not determine all parameters yet" : `sigma of the projection ${next.sigma_now.toPrecision(2)} px, goal ${next.goal} px`}
         {next.reached ? ": reached" : ""}
+        {next.bound ? `; ${next.bound.words}` : ""}
         {next.exhausted ? "; more views of this target at these distances add little" : ""}
       </p>
       <ol class="suggestions">
