@@ -14,9 +14,11 @@
 #include "apps/suggest/suggestions_json.h"
 #include "apps/workbench/image_answer.h"
 #include "apps/workbench/project/beneath.h"
+#include "apps/workbench/project/camera_folder.h"
 #include "apps/workbench/project/command_text.h"
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/run_json.h"
+#include "apps/workbench/session_fields.h"
 #include "assess/text/compare_text.h"
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
@@ -147,6 +149,14 @@ Api::Api(Project* project, Jobs* jobs, EventLog* events)
     : project_(project), jobs_(jobs), events_(events), images_(project->Root()), watch_(project) {}
 
 Answer Api::Handle(const Request& request) {
+  try {
+    return AnswerTo(request);
+  } catch (const Error& error) {
+    return ErrorAnswer(400, project_->Relative(error.what()));
+  }
+}
+
+Answer Api::AnswerTo(const Request& request) {
   if (Is(request, "GET", {"state"})) return State();
   if (Is(request, "GET", {"files"})) return Files(request);
   if (Is(request, "POST", {"files"})) return AddImage(request);
@@ -221,9 +231,12 @@ Answer Api::Files(const Request& request) const {
   return JsonAnswer({{"dir", request.Query("dir")}, {"images", images}, {"entries", entries}});
 }
 
-// An image or a recording of the page's machine. A name that no session could read is refused.
-Answer Api::AddImage(const Request& request) const {
-  const std::string folder = request.Query("dir"), name = PlainName(request.Query("name"), "name");
+// An image or a recording of the page's machine: into the folder `dir`, or to the images of a
+// camera of the session. A name that no session could read is refused.
+Answer Api::AddImage(const Request& request) {
+  const std::string name = PlainName(request.Query("name"), "name");
+  const std::string camera = request.Query("camera");
+  std::string folder = request.Query("dir");
   if (!folder.empty()) (void)PlainName(folder, "dir");
   for (const std::string& each : {folder, name}) {
     const auto defect = each.empty() ? std::nullopt : FrameNameDefect(each);
@@ -233,20 +246,53 @@ Answer Api::AddImage(const Request& request) const {
   if (!HasImageName(name) && !IsStoreName(name)) {
     throw InputError("{}: is no image and no recording", name);
   }
+  if (!camera.empty()) folder = FolderFor(camera, name);
   AddBeneath(project_->Root(), folder, name, request.body);
   return JsonAnswer(Json::object(), 201);
+}
+
+// The folder to which an image of this name can be added, so that the session reads it as one of
+// the camera.
+std::string Api::FolderFor(const std::string& camera, const std::string& name) {
+  const Session session = project_->Parsed();
+  const auto of = std::ranges::find(session.cameras, camera, &SessionCamera::name);
+  if (of == session.cameras.end()) throw InputError("the session has no camera '{}'", camera);
+  const auto place = FolderOf(project_->Root(), *of);
+  if (!place) {
+    throw InputError(
+        "{}: the images of {} are not those of a folder beneath this one; name the image in the "
+        "session's text",
+        name,
+        camera);
+  }
+  if (!place->Has(name)) {
+    throw InputError(
+        "{}: the session reads {} as images of {}; rename the file, or change 'images'",
+        name,
+        (place->folder / place->names).string(),
+        camera);
+  }
+  // Two images of one name with different endings would be of one frame.
+  const fs::path folder = project_->Root() / place->folder;
+  std::error_code error;
+  for (const auto& file : fs::directory_iterator(folder, error)) {
+    if (place->Has(file.path().filename()) && file.path().stem() == fs::path(name).stem()) {
+      throw InputError("{}: is there already; nothing is replaced, so give it another name",
+                       (place->folder / file.path().filename()).string());
+    }
+  }
+  return place->folder.string();
 }
 
 // The folder directly beneath the root to which an image of the camera can be added as a PNG file;
 // null: none.
 Json Api::PngFolder(const SessionCamera& camera) const {
-  if (camera.images.size() != 1) return nullptr;
-  fs::path folder = project_->Root() / camera.images.front();
-  const std::string files = folder.filename().string();
-  if (files.empty() || files == "*.png" || files == "*") folder = folder.parent_path();
-  const std::string name = folder.lexically_relative(project_->Root()).string();
-  const bool is_plain = name.find_first_of("/*?[") == std::string::npos && !name.starts_with('.');
-  return is_plain && !name.empty() && fs::is_directory(folder) ? Json(name) : Json(nullptr);
+  const auto place = FolderOf(project_->Root(), camera);
+  if (!place || camera.images.size() != 1 || !place->Has("20261128.png")) return nullptr;
+  const std::string name = place->folder.string();
+  const bool is_plain = name.find('/') == std::string::npos && !name.starts_with('.');
+  return is_plain && fs::is_directory(project_->Root() / name) && !name.empty() ? Json(name)
+                                                                                : Json(nullptr);
 }
 
 Json Api::CamerasJson(const Session& session) {
@@ -274,8 +320,10 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
                {"exclude", Json::array()},
                {"target", nullptr},
                {"target_text", nullptr},
+               {"fields", {{"session", Json::array()}, {"target", Json::array()}}},
                {"problem", nullptr}};
   try {
+    json["fields"]["session"] = SessionFields(YamlNode::Parse(version.text, "session.yaml"));
     const Session session = ParseSession(version.text, project_->SessionFile(), CameraModels());
     for (const ExcludeRule& rule : session.exclude) {
       json["exclude"].push_back({{"camera", rule.camera},
@@ -285,12 +333,14 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
     }
     if (IsBeneath(project_->Root(), session.target.file)) {
       json["target"] = RelativeTo(project_->Root(), session.target.file).string();
-      json["target_text"] = TextBeneath(project_->Root(), session.target.file, kMostText);
+      const std::string text = TextBeneath(project_->Root(), session.target.file, kMostText);
+      json["target_text"] = text;
+      json["fields"]["target"] = TargetFields(YamlNode::Parse(text, session.target.file.string()));
     }
     json["cameras"] = CamerasJson(session);
     if (!session.scene) (void)ReadTarget(session.target);
   } catch (const Error& error) {
-    json["problem"] = Escaped(error.what());
+    json["problem"] = Escaped(project_->Relative(error.what()));
   }
   return JsonAnswer(json);
 }
@@ -313,11 +363,7 @@ Answer Api::SessionRequest(const Request& request) {
     return Changed(project_->Write(TextOf(BodyOf(request), "text"), request.Header("if-match")));
   }
   if (Is(request, "PUT", {"session", "target"})) {
-    const Session session = project_->Parsed();
-    const fs::path file = project_->Root() / RelativeTo(project_->Root(), session.target.file);
-    // Read first: so it is a file beneath the root to which no link leads.
-    (void)ReadBeneath(project_->Root(), file, kMostText);
-    project_->WriteFile(file, TextOf(BodyOf(request), "text"));
+    WriteTarget(TextOf(BodyOf(request), "text"));
     return Changed(project_->ReadVersion());
   }
   if (Is(request, "POST", {"session", "undo"})) return Changed(project_->Undo());
@@ -326,7 +372,42 @@ Answer Api::SessionRequest(const Request& request) {
     return Exclude(request);
   }
   if (Is(request, "POST", {"session", "model"})) return UseModel(request);
+  if (Is(request, "POST", {"session", "field"})) return SetField(request);
   return NoAnswer();
+}
+
+void Api::WriteTarget(const std::string& text) {
+  const Session session = project_->Parsed();
+  const fs::path file = project_->Root() / RelativeTo(project_->Root(), session.target.file);
+  // Read first: so it is a file beneath the root to which no link leads.
+  (void)ReadBeneath(project_->Root(), file, kMostText);
+  project_->WriteFile(file, text);
+}
+
+// A field of the form: the value of a key in the text of the session or of the target as it is now.
+Answer Api::SetField(const Request& request) {
+  const Json body = BodyOf(request);
+  const std::string of = TextOf(body, "of"), value = TextOf(body, "value");
+  const SessionVersion now = project_->ReadVersion();
+  const Json known = Json::parse(SessionAnswer(now).body).at("fields");
+  const auto fields = known.find(of);
+  if (fields == known.end()) throw InputError("of: expected 'session' or 'target'");
+  const auto field = std::ranges::find_if(
+      *fields, [&](const Json& each) { return each.at("path") == body.value("path", Json()); });
+  if (field == fields->end()) throw InputError("path: the text has no such field; edit the text");
+  const auto path = field->at("path").get<std::vector<std::string>>();
+  if (of == "session") {
+    const std::string text = WithValue(now.text, path, value);
+    // A text that cannot be read is not written.
+    (void)YamlNode::Parse(text, "session.yaml");
+    return Changed(project_->Write(text, now.hash));
+  }
+  const std::string text = TextBeneath(project_->Root(), project_->Parsed().target.file, kMostText);
+  const bool required = field->at("required").get<bool>();
+  WriteTarget(path.back() == "type"        ? WithTargetType(text, value)
+              : value.empty() && !required ? WithoutKey(text, path.back())
+                                           : WithValue(text, path, value));
+  return Changed(project_->ReadVersion());
 }
 
 Answer Api::UseModel(const Request& request) {
@@ -338,7 +419,7 @@ Answer Api::UseModel(const Request& request) {
   if (cameras.empty()) throw InputError("cameras: expected names");
   for (const Json& camera : cameras) {
     if (!camera.is_string()) throw InputError("cameras: expected names");
-    text = WithModel(text, camera.get<std::string>(), model);
+    text = WithValue(text, {"cameras", camera.get<std::string>(), "model"}, model);
   }
   // A text that cannot be read is not written.
   (void)ParseSession(text, project_->SessionFile(), CameraModels());

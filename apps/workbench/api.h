@@ -25,21 +25,24 @@ class Api {
  public:
   Api(Project* project, Jobs* jobs, EventLog* events);
 
-  /// Throws `Error` for what the request has wrong.
   Answer Handle(const Request& request);
   /// While the folders are watched: calibrates with the images that have arrived. Called again and
   /// again.
   void CalibrateArrivals();
 
  private:
+  Answer AnswerTo(const Request& request);
   Answer State();
   Answer Files(const Request& request) const;
-  [[nodiscard]] Answer AddImage(const Request& request) const;
+  Answer AddImage(const Request& request);
+  std::string FolderFor(const std::string& camera, const std::string& name);
   Answer SessionRequest(const Request& request);
   Answer SessionAnswer(const SessionVersion& version);
   Answer Changed(const std::optional<SessionVersion>& version);
   Answer Exclude(const Request& request);
   Answer UseModel(const Request& request);
+  Answer SetField(const Request& request);
+  void WriteTarget(const std::string& text);
   [[nodiscard]] Answer Tried() const;
   Answer AddJob(const Request& request);
   nlohmann::json AddCalibration(int run);

@@ -29,6 +29,14 @@ export async function startServer(folder) {
   return { process: server, address, token: address.split("token=")[1] };
 }
 
+/** Waits until `holds()` is true. */
+export async function until(holds) {
+  for (let i = 0; !(await holds()); ++i) {
+    assert.ok(i < kPatience / 50, `never: ${holds}`);
+    await new Promise((done) => setTimeout(done, 50));
+  }
+}
+
 /** What went wrong on the pages so far. */
 export const problems = [];
 
@@ -62,12 +70,12 @@ const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
 /** No violation of WCAG 2.2 AA that axe finds, and no sideways scrolling, in both widths and both themes; pictures for the eye. */
 export async function look(page, name) {
   const size = page.viewportSize();
-  for (const [width, scheme] of [[1300, "light"], [1300, "dark"], [420, "light"], [420, "dark"]]) {
+  for (const [width, scheme] of [[1400, "light"], [1400, "dark"], [390, "light"], [390, "dark"]]) {
     await page.setViewportSize({ width, height: 900 });
     await page.emulateMedia({ colorScheme: scheme });
     await page.waitForTimeout(300);
     if (screenshots) {
-      await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.jpg`), type: "jpeg", quality: 60 });
+      await page.screenshot({ path: join(screenshots, `${name}_${width}_${scheme}.png`), fullPage: true });
     }
     const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
     assert.equal(wide, false, `${name} is wider than ${width} px`);
@@ -105,7 +113,7 @@ export function testPage({ folder, root = folder, height = 900, browserArguments
   return test(folder, browserArguments, async (browser, steps) => {
     const server = await startServer(root);
     try {
-      const page = await browser.newPage({ viewport: { width: 1300, height } });
+      const page = await browser.newPage({ viewport: { width: 1400, height } });
       watch(page, server);
       await page.goto(server.address);
       await work(page, steps, server);

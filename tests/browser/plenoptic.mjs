@@ -28,7 +28,7 @@ async function linkedViews(page, size, steps) {
   steps("the target's boards are drawn on a sheet each");
   await page.locator("img.target").nth(1).waitFor({ timeout: kPatience });
   await page.getByRole("button", { name: "Calibrate", exact: true }).click();
-  await page.locator("main[data-view=look][data-run='1']").waitFor({ timeout: kPatience });
+  await page.locator("main[data-view=results][data-run='1']").waitFor({ timeout: kPatience });
   await page.evaluate((frame) => (location.hash = `#/look/plenoptic/${frame}?run=1`), kFrame);
   await page.getByRole("button", { name: "Virtual depth and focused image" }).click();
   await page.getByRole("img", { name: /^totally focused image/ }).waitFor({ timeout: kPatience });

@@ -15,7 +15,7 @@ run("try", "out/session.yaml", "-o", "tried", "--models", "pinhole-radial3", "pi
 const address = (name) => `file://${join(folder, name)}`;
 
 async function open(browser, name, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 1300, height: 900 }, offline: true, ...options });
+  const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, offline: true, ...options });
   const page = await context.newPage();
   page.on("console", (line) => problems.push(line.text()));
   page.on("pageerror", (error) => problems.push(String(error)));

@@ -5,11 +5,11 @@
 //   node workbench.mjs PROGRAM IMAGES NODE_MODULES [SCREENSHOTS]
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { cpSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { cpSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { barOf, chromium, kChromium, kPatience, look, problems, program, source as images, startServer, test, watch } from "./harness.mjs";
+import { barOf, chromium, kChromium, kPatience, look, problems, program, source as images, startServer, test, until, watch } from "./harness.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "plenocal-workbench-"));
 mkdirSync(join(folder, "left"));
@@ -20,26 +20,58 @@ for (const name of readdirSync(images)) {
 const text = (name) => readFileSync(join(folder, name), "utf8");
 
 async function folderToResult(page, steps) {
-  steps("a session is proposed, the missing length is named");
+  steps("a session is proposed; what is missing is said in plain words");
   await page.getByRole("button", { name: "Propose a session" }).click();
-  await page.getByText("expected a length in metres").waitFor({ timeout: kPatience });
-  const target = page.getByRole("textbox", { name: /^Target/ });
-  await target.fill((await target.inputValue()).replace(/^square:.*$/m, "square: 25 mm\ntolerance: 0.5 mm"));
-  await page.locator("section", { has: target }).getByRole("button", { name: "Save" }).click();
+  await page.getByText("Measure the side of a square").waitFor({ timeout: kPatience });
+  assert.equal(await page.locator(".problem").count(), 0);
+  await look(page, "missing");
+
+  steps("fields change the text, comments stay; the text changes the fields");
+  const before = text("target.yaml");
+  const [field, unit] = [page.getByRole("textbox", { name: "square", exact: true }), page.getByLabel("unit of square")];
+  await field.fill("25");
+  await field.press("Tab");
   await page.getByText("left: 13 images").waitFor({ timeout: kPatience });
-  assert.match(text("target.yaml"), /^square: 25 mm$/m);
+  assert.equal(text("target.yaml"), before.replace(/^square:/m, "square: 25 mm"));
+  const target = page.getByRole("textbox", { name: /^Target/ });
+  await target.fill((await target.inputValue()).replace(/^square:.*$/m, "square: 2.5 cm\ntolerance: 0.5 mm"));
+  await until(() => field.isDisabled());
+  await page.locator("section", { has: target }).getByRole("button", { name: "Save" }).click();
+  await until(async () => (await unit.inputValue()) === "cm");
+  assert.equal(await field.inputValue(), "2.5");
+  await unit.selectOption("mm");
+  await until(() => /^square: 2.5 mm$/m.test(text("target.yaml")));
+  await field.fill("25");
+  await field.press("Enter");
+  await until(() => /^square: 25 mm$/m.test(text("target.yaml")));
+  const model = page.getByLabel("left: model");
+  await model.selectOption("fov");
+  await until(() => /model: fov  # chosen/.test(text("session.yaml")));
+  await page.getByRole("button", { name: "Undo" }).click();
+  await until(async () => (await model.inputValue()) === "auto");
+
+  steps("text and file changed at once: nothing is lost");
+  const session = page.getByRole("textbox", { name: "Session" });
+  const old = await session.inputValue();
+  await session.fill(`${old}# mine\n`);
+  writeFileSync(join(folder, "session.yaml"), `${old}# theirs\n`);
+  await page.getByText("The file has changed meanwhile").waitFor({ timeout: kPatience });
+  await page.getByRole("button", { name: "Take the new text" }).click();
+  assert.equal(await session.inputValue(), `${old}# theirs\n`);
+  writeFileSync(join(folder, "session.yaml"), old);
+  await until(async () => (await session.inputValue()) === old);
   await look(page, "setup");
 
   steps("calibration, with the detections on the way");
   await page.getByRole("button", { name: "Calibrate", exact: true }).click();
-  await page.locator("main[data-view=look][data-run='1']").waitFor({ timeout: kPatience });
+  await page.locator("main[data-view=results][data-run='1']").waitFor({ timeout: kPatience });
   await page.getByRole("button", { name: "Images", exact: true }).click();
   await page.getByText("13 images looked at, target found in 13").waitFor({ timeout: kPatience });
   await page.locator(".thumb img").first().waitFor({ timeout: kPatience });
   await look(page, "images");
 
   steps("the page has the numbers of the files, and these are those of the command line");
-  await page.getByRole("button", { name: "Look", exact: true }).click();
+  await page.getByRole("button", { name: "Results", exact: true }).click();
   await page.locator("table").first().waitFor({ timeout: kPatience });
   execFileSync(program, ["calibrate", "session.yaml", "-o", "by_hand", "--quiet"], { cwd: folder });
   const parameters = /parameters: \{(.*)\}/.exec(text("by_hand/calibration.yaml"))[1];
@@ -50,6 +82,26 @@ async function folderToResult(page, steps) {
     assert.equal(exact, Number(value));
     assert.ok(Math.abs(Number(await cells.first().innerText()) - exact) < 0.1 * sigma, `digits of ${name}`);
   }
+}
+
+async function addImages(page, steps) {
+  steps("images are added to a camera of the session, also while a job runs; one of the same name is refused");
+  const added = join(folder, "new.jpg");
+  cpSync(join(images, "right01.jpg"), added);
+  await page.getByRole("button", { name: "Set up", exact: true }).click();
+  await page.getByRole("button", { name: "Detect only" }).click();
+  await page.getByRole("button", { name: "Images", exact: true }).click();
+  const input = page.getByLabel("images or recordings");
+  await input.setInputFiles([added, join(images, "left01.jpg")]);
+  await page.getByText("1 of 2 files are in the folder").waitFor({ timeout: kPatience });
+  await page.getByText("left/left01.jpg: is there already").waitFor();
+  await page.getByRole("heading", { name: "left: 14 images" }).waitFor({ timeout: kPatience });
+  await look(page, "added");
+  assert.deepEqual(readFileSync(join(folder, "left/new.jpg")), readFileSync(added));
+  rmSync(join(folder, "left/new.jpg"));
+  assert.deepEqual(problems.splice(0).filter((line) => !/400/.test(line)), []);
+  await page.locator("footer [data-job=done]").waitFor({ timeout: kPatience });
+  await page.getByRole("button", { name: "Results", exact: true }).click();
 }
 
 async function excludeAndUndo(page, steps) {
@@ -63,10 +115,10 @@ async function excludeAndUndo(page, steps) {
   await worst.click();
   const frame = worst.name;
   await page.locator("canvas[data-points='54'][data-loaded=yes]").waitFor({ timeout: kPatience });
-  assert.match(page.url(), new RegExp(`#/look/left/${frame}`));
+  assert.match(page.url(), new RegExp(`#/results/left/${frame}`));
   await page.getByLabel("order").selectOption("influence");
   while (!(await barOf(page, 0)).words.includes("without it left.")) await page.waitForTimeout(100);
-  await look(page, "look");
+  await look(page, "results");
   await page.getByLabel("order").selectOption("name");
   await page.reload();
   await page.locator("canvas[data-points='54']").waitFor({ timeout: kPatience });
@@ -99,7 +151,7 @@ async function excludeAndUndo(page, steps) {
   await preview.waitFor({ timeout: kPatience });
   const [, predicted] = /RMS [\d.]+ → ([\d.]+) px, sigma of the projection/.exec(await preview.textContent());
   await page.keyboard.press("c");
-  await page.locator("main[data-view=look][data-run='2']").waitFor({ timeout: kPatience });
+  await page.locator("main[data-view=results][data-run='2']").waitFor({ timeout: kPatience });
   const made = Number(/rms: ([\d.]+)/.exec(text("runs/2/calibration.yaml"))[1]);
   assert.ok(Math.abs(Number(predicted) - made) < 0.005, `${predicted} px predicted, ${made} px made`);
   await preview.waitFor({ state: "detached", timeout: kPatience });
@@ -145,7 +197,7 @@ async function choosePoints(page, steps) {
   await page.getByText(`excluded: points ${inside.join(", ")}`).waitFor({ timeout: kPatience });
   assert.ok(text("session.yaml").endsWith(`  - {camera: left, frame: ${frame}, markers: [${inside.join(", ")}]}\n`));
   await page.keyboard.press("c");
-  await page.locator("main[data-view=look][data-run='3']").waitFor({ timeout: kPatience });
+  await page.locator("main[data-view=results][data-run='3']").waitFor({ timeout: kPatience });
   assert.deepEqual(new Set(rowsOf(3).map((point) => point.marker)), new Set(points.map((point) => point.marker).filter((marker) => !inside.includes(marker))));
   await page.getByRole("button", { name: "Include again" }).click();
   await page.getByText(/excluded: points/).waitFor({ state: "detached", timeout: kPatience });
@@ -223,7 +275,7 @@ async function killedServer(browser, steps) {
   const page = await browser.newPage();
   watch(page, server);
   await page.goto(server.address);
-  await page.getByRole("button", { name: "Look", exact: true }).click();
+  await page.getByRole("button", { name: "Results", exact: true }).click();
   await page.locator("main[data-run='3']").waitFor({ timeout: kPatience });
   assert.ok(!page.url().includes("token"));
   await page.getByRole("button", { name: "Set up", exact: true }).click();
@@ -279,11 +331,12 @@ async function otherOrigins(browser, steps) {
 let server = await startServer(folder);
 await test(folder, [], async (browser, steps) => {
   try {
-    const page = await browser.newPage({ viewport: { width: 1300, height: 900 } });
+    const page = await browser.newPage({ viewport: { width: 1400, height: 900 } });
     watch(page, server);
     await page.goto(server.address);
     assert.ok(!page.url().includes(server.token), "the token stays in the address");
     await folderToResult(page, steps);
+    await addImages(page, steps);
     await excludeAndUndo(page, steps);
     await choosePoints(page, steps);
     await markersAndField(page, steps);

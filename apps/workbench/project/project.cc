@@ -74,6 +74,14 @@ Project::Project(const fs::path& place) {
 
 Project::~Project() { close(lock_); }
 
+std::string Project::Relative(std::string message) const {
+  const std::string root = root_.string() + "/";
+  for (size_t at = message.find(root); at != std::string::npos; at = message.find(root, at)) {
+    message.erase(at, root.size());
+  }
+  return message;
+}
+
 bool Project::HasSession() const {
   std::error_code error;
   return fs::is_regular_file(session_, error);

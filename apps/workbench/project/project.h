@@ -31,6 +31,8 @@ class Project {
 
   [[nodiscard]] const std::filesystem::path& Root() const { return root_; }
   [[nodiscard]] const std::filesystem::path& SessionFile() const { return session_; }
+  /// A message with its paths relative to the root.
+  [[nodiscard]] std::string Relative(std::string message) const;
   [[nodiscard]] bool HasSession() const;
   /// The session's text; a change from outside becomes a version of its own.
   SessionVersion ReadVersion();

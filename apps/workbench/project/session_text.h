@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "calib/files/session.h"
 
@@ -17,8 +18,15 @@ std::string WithRule(const std::string& text, const ExcludeRule& rule);
 /// one. Throws `Error` of kind kInput when no line is that rule: the text is to be edited then.
 std::string WithoutRule(const std::string& text, const ExcludeRule& rule);
 
-/// With another model of a camera. Throws `Error` of kind kInput when the text has not exactly one
-/// place where it can stand: the text is to be edited then.
-std::string WithModel(const std::string& text, const std::string& camera, const std::string& model);
+/// With another value of the key that `path` leads to, {"cameras", "left", "model"}; the line stays
+/// with its comment, and a key that is missing is added. Throws `Error` of kind kInput for a value
+/// that is not plain (a number, a length, a name), and when the key stands in the text in a way
+/// that has to be edited by hand.
+std::string WithValue(const std::string& text,
+                      const std::vector<std::string>& path,
+                      const std::string& value);
+
+/// Without a key that is not indented, and the lines that belong to it.
+std::string WithoutKey(const std::string& text, const std::string& key);
 
 }  // namespace plenocal::workbench

@@ -243,6 +243,63 @@ TEST_F(ApiOfAFolder, TakesImagesAndRecordingsAlone) {
               HasSubstr("'\\\\xfc.png' is not UTF-8; rename it"));
 }
 
+TEST_F(ApiOfAFolder, TakesImagesOfASessionsCamera) {
+  const auto add = [&](const char* camera, const char* name) {
+    return Ask("POST", {"files"}, "picture", {{"camera", camera}, {"name", name}});
+  };
+  EXPECT_EQ(add("left", "d.png").status, 201);
+  EXPECT_TRUE(fs::exists(folder_ / "root/left/d.png"));
+  EXPECT_THAT(add("left", "d.png").body, HasSubstr("\"left/d.png: is there already"));
+  EXPECT_THAT(add("left", "e.jpg").body, HasSubstr("the session reads left/*.png"));
+  EXPECT_THAT(add("left", "day.mcap").body, HasSubstr("the session reads left/*.png"));
+  EXPECT_THAT(add("right", "e.png").body, HasSubstr("has no camera 'right'"));
+  Write("root/session.yaml",
+        "plenocal: 1\ntarget: target.yaml\ncameras:\n  left: {model: fov, images: left/}\n");
+  EXPECT_THAT(add("left", "d.jpg").body, HasSubstr("\"left/d.png: is there already"));
+  EXPECT_EQ(add("left", "e.jpg").status, 201);
+  for (const char* elsewhere : {"link/", "../outside/", "left/b.png"}) {
+    Write("root/session.yaml",
+          fmt::format("plenocal: 1\ntarget: target.yaml\ncameras:\n  left: {{model: fov, images: "
+                      "{}}}\n",
+                      elsewhere));
+    EXPECT_EQ(add("left", "f.png").status, 400) << elsewhere;
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "outside/f.png"));
+}
+
+TEST_F(ApiOfAFolder, ChangesValuesByFields) {
+  const auto set = [&](const char* of, const Json& path, const char* value) {
+    return Ask(
+        "POST", {"session", "field"}, Json{{"of", of}, {"path", path}, {"value", value}}.dump());
+  };
+  const auto target = [&] {
+    return Json::parse(Ask("GET", {"session"}).body)["target_text"].get<std::string>();
+  };
+  EXPECT_EQ(set("session", {"cameras", "left", "model"}, "fov").status, 200);
+  EXPECT_THAT(Session(), HasSubstr("left: {model: fov, images: left/*.png}"));
+  EXPECT_EQ(set("session", {"options", "refine_target"}, "true").status, 200);
+  EXPECT_THAT(Session(), HasSubstr("options:\n  refine_target: true\n"));
+  EXPECT_EQ(set("session", {"plenocal"}, "2").status, 400) << "there is no such field";
+  EXPECT_EQ(set("session", {"cameras", "left", "model"}, "a}\nb: c").status, 400);
+
+  Write("root/target.yaml",
+        "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare:  # measure it\n");
+  const Json session = Json::parse(Ask("GET", {"session"}).body);
+  EXPECT_THAT(session["problem"].get<std::string>(), ::testing::StartsWith("target.yaml:5:1: "));
+  EXPECT_EQ(session["fields"]["target"][3]["value"], "");
+  EXPECT_EQ(session["fields"]["target"][3]["unit"], "m");
+  EXPECT_EQ(set("target", {"square"}, "25 mm").status, 200);
+  EXPECT_EQ(set("target", {"tolerance"}, "0.2 mm").status, 200);
+  const std::string with =
+      "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\n"
+      "square: 25 mm  # measure it\n";
+  EXPECT_EQ(target(), with + "tolerance: 0.2 mm\n");
+  EXPECT_EQ(set("target", {"tolerance"}, "").status, 200);
+  EXPECT_EQ(target(), with);
+  EXPECT_EQ(set("target", {"type"}, "circles").status, 200);
+  EXPECT_EQ(target(), "plenocal: 1\ntype: circles\ncolumns: 9\nrows: 6\n");
+}
+
 TEST_F(ApiOfAFolder, WeighsPicturesOfTheStatedSizesAlone) {
   const auto look = [&](const char* pictures) {
     return Ask("POST", {"look"}, "picture", {{"run", "0"}, {"pictures", pictures}}).body;

@@ -105,17 +105,17 @@ TEST(SessionText, GetsAnotherModelAndNothingElse) {
   const std::string text =
       "cameras:  # model: none\n  left: {model: pinhole-radtan, images: a/*}  # mine\n"
       "  right:\n    images: b/*\n    model: \"pinhole-radtan\"\n";
-  EXPECT_EQ(WithModel(text, "left", "fov"),
+  EXPECT_EQ(WithValue(text, {"cameras", "left", "model"}, "fov"),
             "cameras:  # model: none\n  left: {model: fov, images: a/*}  # mine\n"
             "  right:\n    images: b/*\n    model: \"pinhole-radtan\"\n");
-  EXPECT_EQ(WithModel(text, "right", "fov"),
+  EXPECT_EQ(WithValue(text, {"cameras", "right", "model"}, "fov"),
             "cameras:  # model: none\n  left: {model: pinhole-radtan, images: a/*}  # mine\n"
-            "  right:\n    images: b/*\n    model: \"fov\"\n");
+            "  right:\n    images: b/*\n    model: fov\n");
   for (const char* other : {"cameras: {a: {model: x}, b: {model: x}}\n",
                             "cameras:\n  a:\n    model:\n      x\n",
                             "cameras: {a: {images: b}}\n",
-                            "cameras: {a: {model: x}} # model: x\n"}) {
-    EXPECT_THROW(WithModel(other, "a", "fov"), Error) << other;
+                            "cameras:\n  a: {images: {model: x}}\n"}) {
+    EXPECT_THROW(WithValue(other, {"cameras", "a", "model"}, "fov"), Error) << other;
   }
 }
 

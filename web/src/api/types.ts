@@ -43,6 +43,16 @@ export interface SessionCamera {
   /** That its images are all PNG files of; null: they come from elsewhere. */
   folder: string | null;
 }
+/** What a form shows of the value of a key in the text of session or target. */
+export interface Field {
+  path: string[];
+  value: string;
+  what: string;
+  unit: string;
+  required: boolean;
+  /** Empty: any value. */
+  choices: string[];
+}
 export interface Session {
   text: string;
   hash: string;
@@ -52,6 +62,7 @@ export interface Session {
   exclude: Rule[];
   target: string | null;
   target_text: string | null;
+  fields: Record<"session" | "target", Field[]>;
   problem: string | null;
 }
 export interface Files {

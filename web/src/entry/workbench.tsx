@@ -8,7 +8,7 @@ import { activeJob, addJob, attempt, away, go, lastJob, message, place, project,
 import { Compare } from "../views/compare";
 import { Export } from "../views/export";
 import { Images } from "../views/images";
-import { excludeChosen, Look, step } from "../views/look";
+import { excludeChosen, Results, step } from "../views/results";
 import { Next } from "../views/next";
 import { SetUp } from "../views/setup";
 import { InSpace } from "../views/space";
@@ -16,7 +16,7 @@ import { InSpace } from "../views/space";
 const kViews: [string, string, ComponentType][] = [
   ["setup", "Set up", SetUp],
   ["images", "Images", Images],
-  ["look", "Look", Look],
+  ["results", "Results", Results],
   ["space", "Space", InSpace],
   ["next", "Next views", Next],
   ["compare", "Compare", Compare],
@@ -112,7 +112,7 @@ function onKey(event: KeyboardEvent): void {
   if (event.altKey) return;
   const view = kViews[Number(event.key) - 1];
   if (view) go(view[0]);
-  if (place.value.view !== "look") return;
+  if (place.value.view !== "results") return;
   if (event.key === "ArrowRight") step(1);
   if (event.key === "ArrowLeft") step(-1);
   if (event.key === "x") excludeChosen();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images of this machine's browser into the folder of the workbench: chosen, or dropped with their folders.
+// Images of this machine's browser into the folder of the workbench: chosen, or dropped with their folders. Where there is a
+// session, they become images of its cameras.
 import { useState } from "preact/hooks";
 import { send } from "../api/client";
+import type { SessionCamera } from "../api/types";
 
 interface Chosen {
   folder: string; // the last one of its path; "" for a file alone
@@ -27,7 +29,14 @@ async function entriesOf(entry: FileSystemEntry, folder: string): Promise<Chosen
 }
 
 /** `done` is called after all files were taken or refused. */
-export function Upload({ done }: { done: () => void }) {
+export function Upload({ done, cameras = [] }: { done: () => void; cameras?: SessionCamera[] }) {
+  const [camera, setCamera] = useState("");
+  const chosenCamera = cameras.find(({ name }) => name === camera)?.name ?? cameras[0]?.name;
+  // A folder that is named like a camera, or like its folder, has the images of this one.
+  const placeOf = (folder: string): Record<string, string> =>
+    chosenCamera === undefined
+      ? { dir: folder }
+      : { camera: cameras.find((each) => folder && [each.name, each.folder].includes(folder))?.name ?? chosenCamera };
   const [state, setState] = useState("");
   const [refused, setRefused] = useState<string[]>([]);
   const take = async (chosen: Chosen[]) => {
@@ -36,7 +45,7 @@ export function Upload({ done }: { done: () => void }) {
     for (const { folder, file } of chosen) {
       setState(`${count} of ${chosen.length} files are in the folder`);
       try {
-        await send(`/api/files?${new URLSearchParams({ dir: folder, name: file.name })}`, file);
+        await send(`/api/files?${new URLSearchParams({ ...placeOf(folder), name: file.name })}`, file);
         ++count;
       } catch (error) {
         problems.push(error instanceof Error ? error.message : String(error));
@@ -46,8 +55,10 @@ export function Upload({ done }: { done: () => void }) {
     setRefused(problems);
     done();
   };
-  const onFiles = (event: { currentTarget: HTMLInputElement }) =>
-    take([...(event.currentTarget.files ?? [])].map((file) => ({ folder: folderOf(file.webkitRelativePath), file })));
+  const onFiles = async ({ currentTarget: input }: { currentTarget: HTMLInputElement }) => {
+    await take([...(input.files ?? [])].map((file) => ({ folder: folderOf(file.webkitRelativePath), file })));
+    input.value = ""; // the same files can be chosen again
+  };
   const onDrop = async (event: DragEvent) => {
     event.preventDefault();
     // Entries are there only until the first wait.
@@ -60,6 +71,16 @@ export function Upload({ done }: { done: () => void }) {
       <h2>Add images</h2>
       <p>Drop images here, or folders, one for each camera. They are copied; nothing is replaced.</p>
       <div class="row">
+        {cameras.length > 0 && (
+          <label>
+            images of{" "}
+            <select value={chosenCamera} onChange={(event) => setCamera(event.currentTarget.value)}>
+              {cameras.map(({ name }) => (
+                <option key={name}>{name}</option>
+              ))}
+            </select>
+          </label>
+        )}
         <label>
           images or recordings <input type="file" multiple onChange={onFiles} />
         </label>

@@ -15,14 +15,14 @@ export const away = signal(false);
 export const message = signal("");
 export const address = signal(location.hash || "#/setup");
 
-/** "#/look/left/0012?run=3" -> view, parts, run. */
+/** "#/results/left/0012?run=3" -> view, parts, run. */
 export const place = computed(() => {
   const [path = "", query = ""] = address.value.replace(/^#\//, "").split("?");
   const parts = path.split("/").map(decodeURIComponent);
   const number = Number(new URLSearchParams(query).get("run") ?? NaN);
   const runs = project.value?.runs ?? [];
   const last = runs[runs.length - 1]?.run ?? null;
-  return { view: parts[0] || "setup", parts: parts.slice(1), run: Number.isNaN(number) ? last : number };
+  return { view: parts[0]?.replace(/^look$/, "results") || "setup", parts: parts.slice(1), run: Number.isNaN(number) ? last : number };
 });
 
 export function go(view: string, parts: string[] = [], number: number | null = null): void {
@@ -89,8 +89,8 @@ function onJob(job: Job): void {
       if (job.state !== "done" || job.run === undefined) return;
       // While images arrive, the screen stays.
       const { view, parts } = place.value;
-      if (state.watching) go(view, view === "look" ? parts : [], job.run);
-      else go("look", view === "look" ? parts : [], job.run);
+      if (state.watching) go(view, view === "results" ? parts : [], job.run);
+      else go("results", view === "results" ? parts : [], job.run);
     }).then(() => {
       if (job.state === "failed") message.value = job.error ?? "the job failed";
     });

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // All images with what was found in them, while it is found.
-import { detections, go, run, ruleOf, session } from "../state/project";
 import { Thumb } from "../parts/picture";
+import { Upload } from "../parts/upload";
+import { attempt, detections, go, loadState, run, ruleOf, session } from "../state/project";
 
 function words(camera: string, frame: string): { text: string; bad: boolean } {
   const rule = ruleOf(camera, frame);
@@ -21,6 +22,7 @@ export function Images() {
   const found = Object.values(detections.value);
   return (
     <>
+      <Upload cameras={cameras} done={() => attempt(loadState)} />
       {found.length > 0 && (
         <p aria-live="polite">
           {found.length} images looked at, target found in {found.filter((each) => each.points > 0).length}
@@ -35,7 +37,7 @@ export function Images() {
             {camera.frames.map((frame) => {
               const { text, bad } = words(camera.name, frame);
               return (
-                <button key={frame} class="card" onClick={() => go("look", [camera.name, frame])}>
+                <button key={frame} class="card" onClick={() => go("results", [camera.name, frame])}>
                   <Thumb camera={camera.name} frame={frame} />
                   <b>{frame}</b>
                   <span class={bad ? "bad" : ""}>{text}</span>

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The session: proposed from the images, then its text and the target's, with the target drawn.
+// The session: proposed from the images, then its text and the target's with fields for what most users set, and the target drawn.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { Files, Session } from "../api/types";
-import { usePicture } from "../parts/picture";
+import type { Field, Files, Session } from "../api/types";
 import { Cameras } from "../live/cameras";
+import { Fields, labelOf } from "../parts/fields";
+import { usePicture } from "../parts/picture";
 import { Upload } from "../parts/upload";
-import { activeJob, addJob, attempt, project, redo, session, undo } from "../state/project";
+import { activeJob, addJob, attempt, loadState, project, redo, session, undo } from "../state/project";
 
 /** Where pictures go before there is a session. */
 const kFirstCamera = [{ camera: "camera", folder: "camera" }];
@@ -19,24 +20,31 @@ function Folder() {
   const empty = files.images === 0 && files.entries.every((entry) => entry.count === 0);
   return (
     <>
-    <Upload done={look} />
-    <Cameras places={kFirstCamera} done={look} />
-    <section>
-      <h2>Images in this folder</h2>
-      <ul>
-        {empty && <li>none yet</li>}
-        {files.images > 0 && <li>{files.images} images in the folder itself</li>}
-        {files.entries.filter((entry) => entry.count > 0).map((entry) => (
-          <li key={entry.name}>
-            {entry.name}: {entry.kind === "recording" ? "a recording" : `${entry.count} images`}
-          </li>
-        ))}
-      </ul>
-      <p>Cameras, their images and the target are looked for. You can change all of it afterwards.</p>
-      <button class="main" disabled={empty || activeJob.value !== null} onClick={() => addJob("init")}>
-        Propose a session
-      </button>
-    </section>
+      <ol class="todo">
+        <li>
+          Add 10 to 30 images of a calibration target (such as a printed chessboard) from many sides and distances: one folder for each
+          camera.
+        </li>
+        <li>Have a session proposed: cameras, their images and the target are looked for. You can change all of it afterwards.</li>
+        <li>Measure the target, enter its size, and calibrate.</li>
+      </ol>
+      <Upload done={look} />
+      <Cameras places={kFirstCamera} done={look} />
+      <section>
+        <h2>Images in this folder</h2>
+        <ul>
+          {empty && <li>none yet</li>}
+          {files.images > 0 && <li>{files.images} images in the folder itself</li>}
+          {files.entries.filter((entry) => entry.count > 0).map((entry) => (
+            <li key={entry.name}>
+              {entry.name}: {entry.kind === "recording" ? "a recording" : `${entry.count} images`}
+            </li>
+          ))}
+        </ul>
+        <button class="main" disabled={empty || activeJob.value !== null} onClick={() => addJob("init")}>
+          Propose a session
+        </button>
+      </section>
     </>
   );
 }
@@ -69,17 +77,25 @@ interface Editor {
   title: string;
   text: string;
   save: (text: string) => Promise<void>;
+  /** Whether there are changes that are not saved. */
+  onChanged: (changed: boolean) => void;
 }
 
-function TextEditor({ title, text, save }: Editor) {
+function TextEditor({ title, text, save, onChanged }: Editor) {
   const [mine, setMine] = useState(text);
+  // The text of the file to which the changes were made.
   const [base, setBase] = useState(text);
+  const take = (other: string): void => {
+    setMine(other);
+    setBase(other);
+  };
   useEffect(() => {
     // A text that was not touched follows the file.
-    if (mine === base) setMine(text);
-    setBase(text);
+    if (mine === base || mine === text) take(text);
   }, [text]);
   const changed = mine !== base;
+  const conflict = changed && text !== base;
+  useEffect(() => onChanged(changed), [changed]);
   return (
     <section class="editor">
       <h2>{title}</h2>
@@ -90,44 +106,89 @@ function TextEditor({ title, text, save }: Editor) {
         value={mine}
         onInput={(event) => setMine(event.currentTarget.value)}
       />
+      {conflict && (
+        <div class="problem" role="alert">
+          The file has changed meanwhile:
+          <pre>{text}</pre>
+          <div class="row">
+            <button onClick={() => take(text)}>Take the new text</button>
+            <button onClick={() => setBase(text)}>Keep mine</button>
+          </div>
+        </div>
+      )}
       <div class="row">
-        <button disabled={!changed} onClick={() => save(mine)}>
+        <button disabled={!changed || conflict} onClick={() => save(mine)}>
           Save
         </button>
-        <button disabled={!changed} onClick={() => setMine(base)}>
-          Take back
+        <button disabled={!changed} onClick={() => take(text)}>
+          Revert
         </button>
       </div>
     </section>
   );
 }
 
+const wordsOf = (field: Field): string =>
+  field.unit === "m" && field.path.length === 1
+    ? `Measure the ${field.what} on the target, and enter it below (${labelOf(field)}).`
+    : `Enter the ${field.what} (${labelOf(field)}).`;
+
+/** What is missing, in plain words; else what is wrong with the texts; else what there is. */
+function Summary({ now, missing }: { now: Session; missing: Field[] }) {
+  if (missing.length > 0) {
+    return (
+      <div class="verdict usable" role="status">
+        <strong>Before you can calibrate:</strong>
+        {missing.map((field) => (
+          <p key={field.path.join()}>{wordsOf(field)}</p>
+        ))}
+      </div>
+    );
+  }
+  if (now.problem) {
+    return (
+      <p class="problem" role="alert">
+        {now.problem}
+      </p>
+    );
+  }
+  return <p>{now.cameras.map((camera) => `${camera.name}: ${camera.frames.length} images, ${camera.model}`).join(" · ")}</p>;
+}
+
 export function SetUp() {
   const state = project.value;
   const now = session.value;
+  const [unsaved, setUnsaved] = useState({ session: false, target: false });
   if (state && !state.session) return <Folder />;
   if (!now) return <p>…</p>;
   const put = (path: string) => (text: string) =>
     attempt(async () => {
       session.value = await ask<Session>("PUT", path, { text }, path === "/api/session" ? now.hash : "");
     });
+  const part = (of: "session" | "target", title: string, text: string, path: string) => (
+    <>
+      <Fields
+        fields={now.fields[of]}
+        set={({ path }, value) =>
+          attempt(async () => {
+            session.value = await ask<Session>("POST", "/api/session/field", { of, path, value });
+          })
+        }
+        locked={unsaved[of] ? "Save or revert the text, then use the fields." : ""}
+      />
+      <TextEditor key={of} title={title} text={text} save={put(path)} onChanged={(changed) => setUnsaved((all) => ({ ...all, [of]: changed }))} />
+    </>
+  );
+  const missing = [...now.fields.session, ...now.fields.target].filter(({ required, value }) => required && !value);
   return (
     <>
-      {now.problem ? (
-        <p class="problem" role="alert">
-          {now.problem}
-        </p>
-      ) : (
-        <p>
-          {now.cameras.map((camera) => `${camera.name}: ${camera.frames.length} images, ${camera.model}`).join(" · ")}
-        </p>
-      )}
+      <Summary now={now} missing={missing} />
       <div class="row">
         <button class="main" disabled={now.problem !== null || activeJob.value !== null} onClick={() => addJob("calibrate")}>
           Calibrate
         </button>
         <button disabled={now.problem !== null || activeJob.value !== null} onClick={() => addJob("detect")}>
-          Only detect
+          Detect only
         </button>
         <button disabled={!now.undo} onClick={undo}>
           Undo
@@ -137,14 +198,15 @@ export function SetUp() {
         </button>
       </div>
       <div class="columns">
-        <TextEditor key="session" title="Session" text={now.text} save={put("/api/session")} />
         {now.target_text !== null && (
           <div>
-            <TextEditor key="target" title={`Target (${now.target ?? ""})`} text={now.target_text} save={put("/api/session/target")} />
+            {part("target", `Target (${now.target ?? ""})`, now.target_text, "/api/session/target")}
             {now.problem === null && <TargetDrawing text={now.target_text} />}
           </div>
         )}
+        <div>{part("session", "Session", now.text, "/api/session")}</div>
       </div>
+      <Upload cameras={now.cameras} done={() => attempt(loadState)} />
     </>
   );
 }

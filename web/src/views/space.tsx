@@ -36,7 +36,7 @@ export function InSpace() {
   if (!shown || !now) return <p>…</p>;
   return (
     <>
-      <Scene {...shown} cameras={now.cameras} rms={rms} byRms wheel ghosts={ghosts} onOpen={(camera, frame) => go("look", [camera, frame], number)} />
+      <Scene {...shown} cameras={now.cameras} rms={rms} byRms wheel ghosts={ghosts} onOpen={(camera, frame) => go("results", [camera, frame], number)} />
       <div class="row">
         <button aria-pressed={withNext} onClick={() => setWithNext(!withNext)}>
           suggested poses

@@ -84,7 +84,7 @@ function ResidualsOf({ number, camera }: { number: number; camera: CameraResult 
         x="marker; a click: the image with its largest residual"
         y="RMS, px"
         aspect={3}
-        onChoose={(name) => go("look", [camera.name, worstOf(name), name], number)}
+        onChoose={(name) => go("results", [camera.name, worstOf(name), name], number)}
       />
       <ArrowMap
         key={`${number} ${camera.name}`}
@@ -131,7 +131,7 @@ export function step(by: number): void {
   if (!chosen) return;
   const frames = chosen.camera.frames.map((each) => each.frame);
   const next = frames[frames.indexOf(chosen.frame) + by];
-  if (next) go("look", [chosen.camera.name, next], chosen.number);
+  if (next) go("results", [chosen.camera.name, next], chosen.number);
 }
 
 export function excludeChosen(): void {
@@ -160,13 +160,13 @@ function BarsOf({ camera, order, influences, chosen, number }: OfCamera) {
         y={order === "influence" ? "sigmas" : "RMS, px"}
         aspect={3}
         chosen={chosen}
-        onChoose={(frame) => go("look", [camera.name, frame], number)}
+        onChoose={(frame) => go("results", [camera.name, frame], number)}
       />
     </section>
   );
 }
 
-export function Look() {
+export function Results() {
   const [order, setOrder] = useState<Order>("name");
   const [influences, setInfluences] = useState<Influence[]>([]);
   const now = run.value;
