@@ -603,6 +603,7 @@ Answer Api::Run(const Request& request) {
                                                                : images_.Of(*of);
     }));
   }
+  if (part == "straight") return Straight(request);
   if (part == "space") return JsonAnswer(SpaceJson(folder));
   if (part == "maps") return JsonAnswer(MapsJson(folder, camera));
   if (part == "report.html") {
@@ -611,6 +612,26 @@ Answer Api::Run(const Request& request) {
             .headers = {{"Content-Disposition", "attachment; filename=report.html"}}};
   }
   return part == "export" ? Export(request) : NoAnswer();
+}
+
+// A frame without distortion; with `with`, rectified beside that camera's image, both in the order
+// of the calibration.
+Answer Api::Straight(const Request& request) {
+  const auto record = RecordOf(project_->RunFolder(NumberOf(request.path[2], "run")));
+  const auto image = [&](const std::string& camera) {
+    const std::string frame = request.Query("frame");
+    const auto found = FindImage(camera, frame);
+    if (!found) throw InputError("the session has no image {} of {}", frame, camera);
+    return *found;
+  };
+  const CalibratedCamera* camera = &FindCamera(*record, request.Query("camera"));
+  if (request.Query("with").empty()) {
+    return UndistortedAnswer(project_->Root(), image(camera->name), *camera);
+  }
+  const CalibratedCamera* other = &FindCamera(*record, request.Query("with"));
+  if (other < camera) std::swap(camera, other);
+  return RectifiedAnswer(
+      project_->Root(), {image(camera->name), image(other->name)}, {camera, other});
 }
 
 Answer Api::Suggest(const Request& request) const {

@@ -51,6 +51,7 @@ class Api {
   Answer Image(const Request& request);
   Answer Focus(const Request& request) const;
   Answer Run(const Request& request);
+  Answer Straight(const Request& request);
   Answer Suggest(const Request& request) const;
   Answer Compare(const Request& request) const;
   Answer Export(const Request& request) const;

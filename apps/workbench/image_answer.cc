@@ -8,13 +8,20 @@
 #include <vector>
 
 #include "apps/workbench/project/beneath.h"
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "detectors/images/image.h"
 #include "detectors/images/pictures.h"
+#include "engine/resample/pixel_map.h"
+#include "engine/resample/rectify.h"
+#include "engine/resample/remap.h"
 
 namespace plenocal::workbench {
 
-Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, int width) {
+namespace {
+
+// 8 bits.
+cv::Mat GrayOf(const std::filesystem::path& root, const FrameImage& image) {
   constexpr auto kMostBytes = static_cast<size_t>(InputLimit::kImage);
   cv::Mat gray = image.store ? ReadRawGray(image)
                              : DecodeRawGray(ReadBeneath(root, image.path, kMostBytes), image.path);
@@ -23,8 +30,56 @@ Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, i
     cv::minMaxLoc(gray, nullptr, &highest);
     gray.convertTo(gray, CV_8U, 255 / std::max(highest, 1.0));
   }
+  return gray;
+}
+
+Answer JpegAnswer(const cv::Mat& picture) {
+  return {.type = "image/jpeg", .body = EncodeImage(".jpg", picture)};
+}
+
+// `R_camera_view` as MapPixels has it.
+cv::Mat Resampled(const cv::Mat& gray,
+                  const CalibratedCamera& view,
+                  const CalibratedCamera& camera,
+                  const Eigen::Matrix3d& R_camera_view) {
+  if (gray.cols != camera.image_size[0] || gray.rows != camera.image_size[1]) {
+    throw InputError("{}: the image has {} x {} px, the calibration {} x {}",
+                     camera.name,
+                     gray.cols,
+                     gray.rows,
+                     camera.image_size[0],
+                     camera.image_size[1]);
+  }
+  return Remap(MapPixels(view, camera, R_camera_view, /*threads=*/1), "linear")(gray);
+}
+
+}  // namespace
+
+Answer ImageAnswer(const std::filesystem::path& root, const FrameImage& image, int width) {
+  cv::Mat gray = GrayOf(root, image);
   if (width > 0) gray = Reduced(gray, static_cast<double>(width) / gray.cols);
-  return {.type = "image/jpeg", .body = EncodeImage(".jpg", gray)};
+  return JpegAnswer(gray);
+}
+
+Answer UndistortedAnswer(const std::filesystem::path& root,
+                         const FrameImage& image,
+                         const CalibratedCamera& camera) {
+  return JpegAnswer(Resampled(
+      GrayOf(root, image), UndistortedView(camera, {}), camera, Eigen::Matrix3d::Identity()));
+}
+
+Answer RectifiedAnswer(const std::filesystem::path& root,
+                       const std::array<FrameImage, 2>& images,
+                       const std::array<const CalibratedCamera*, 2>& cameras) {
+  const RectifiedPair pair = Rectify(*cameras[0], *cameras[1], {});
+  std::array<cv::Mat, 2> views;
+  for (size_t i = 0; i < 2; ++i) {
+    views[i] = Resampled(
+        GrayOf(root, images[i]), pair.views[i], *cameras[i], pair.R_view_camera[i].transpose());
+  }
+  cv::Mat both;
+  cv::hconcat(views, both);
+  return JpegAnswer(both);
 }
 
 nlohmann::json DepthJson(const std::filesystem::path& root, const std::filesystem::path& file) {

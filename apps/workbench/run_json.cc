@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <set>
 #include <utility>
@@ -25,7 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-// Reading residuals of a large run takes a second: the last one is kept.
+}  // namespace
+
 std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
   static std::mutex mutex;
   static fs::path last;
@@ -40,8 +40,6 @@ std::shared_ptr<const CalibrationRecord> RecordOf(const fs::path& folder) {
   }
   return record;
 }
-
-}  // namespace
 
 Json RunBriefJson(const fs::path& folder, int number) {
   Json brief = {{"run", number}};

@@ -5,11 +5,13 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "assess/compare_calibrations.h"
+#include "calib/files/calibration_record.h"
 #include "calib/files/frame_images.h"
 #include "calib/files/session.h"
 
@@ -17,6 +19,9 @@ namespace plenocal::workbench {
 
 /// Number, grade, RMS and number of frames of a run; only the number of one that cannot be read.
 nlohmann::json RunBriefJson(const std::filesystem::path& folder, int number);
+
+/// A run's result. Reading residuals of a large run takes a second: the last one is kept.
+std::shared_ptr<const CalibrationRecord> RecordOf(const std::filesystem::path& folder);
 
 /// `Run` of the schema (engine/json/calibration.schema.json).
 nlohmann::json RunJson(const std::filesystem::path& folder, int number);

@@ -11,6 +11,7 @@ import { MicroImages } from "../image/micro_images";
 import { Plane } from "../image/plane";
 import { useImage } from "../parts/picture";
 import { attempt, exclude, include, pointRulesOf, ruleOf, session } from "../state/project";
+import { Straight } from "./straight";
 import { VirtualImage } from "./virtual_image";
 
 /** An image of a run, and a marker in it. */
@@ -140,6 +141,7 @@ export function Frame(chosen: Chosen) {
       {lenses && picture && markers.value.length === 1 && (
         <MicroImages picture={picture} lenses={lenses} points={ofChosen} factor={factor} />
       )}
+      {!camera.plenoptic && <Straight number={number} camera={camera.name} frame={frame} />}
       {lenses && <VirtualImage {...chosen} lenses={lenses} raw={raw} virtual={virtual} onVirtual={setVirtual} />}
     </section>
   );
