@@ -29,6 +29,7 @@
 #include "calib/io/yaml.h"
 #include "engine/compare_files.h"
 #include "engine/exchange/export_calibration.h"
+#include "engine/formats/camera_format.h"
 #include "engine/recording/stores/image_lister.h"
 #include "engine/suggest_views.h"
 #include "models/registry.h"
@@ -196,11 +197,16 @@ Answer Api::State() {
   Json runs = Json::array();
   for (const int run : project_->Runs())
     runs.push_back(RunBriefJson(project_->RunFolder(run), run));
+  Json formats = Json::array();
+  for (const CameraFormat& format : CameraFormats()) {
+    if (format.variant_of.empty()) formats.push_back(format.name);
+  }
   return JsonAnswer({{"root", project_->Root().string()},
                      {"session", session},
                      {"jobs", jobs_->All()},
                      {"runs", runs},
                      {"watching", watch_.On()},
+                     {"formats", formats},
                      {"event", events_->Last()}});
 }
 
@@ -653,25 +659,32 @@ Answer Api::Compare(const Request& request) const {
                      {"maps", DifferenceJson(comparison)}});
 }
 
-// The file of another program, with the command line that makes it.
+// The files of another program, under the names that it expects, with the command line that makes
+// them.
 Answer Api::Export(const Request& request) const {
   const std::string format = PlainName(request.Query("format"), "format");
-  const fs::path out = project_->Root() / ".plenocal" / "export" / (format + ".txt");
+  const auto formats = CameraFormats();
+  const auto found = std::ranges::find(formats, format, &CameraFormat::name);
+  if (found == formats.end()) throw InputError("there is no format '{}'", format);
+  const fs::path out = project_->Root() / ".plenocal" / "export" / format / found->file;
   const fs::path run = project_->RunFolder(NumberOf(request.path[2], "run"));
   ExportRequest files;
   files.calibration = run / "calibration.yaml";
   files.format = format;
   files.out = out;
   std::vector<std::string> arguments{
-      "export", files.calibration.string(), "--format", format, "-o", out.string()};
+      "export", files.calibration.string(), "--format", format, "-o", out.filename().string()};
   if (!request.Query("camera").empty()) {
     files.cameras = {PlainName(request.Query("camera"), "camera")};
     arguments.insert(arguments.end(), {"--camera", files.cameras[0]});
   }
   fs::create_directories(out.parent_path());
-  ExportCalibration(files, {});
-  return JsonAnswer({{"command", CommandLineText(arguments)},
-                     {"text", TextBeneath(project_->Root(), out, 64 * kMostText)}});
+  Json written = Json::array();
+  for (const fs::path& file : ExportCalibration(files, {})) {
+    written.push_back({{"name", file.filename().string()},
+                       {"text", TextBeneath(project_->Root(), file, 64 * kMostText)}});
+  }
+  return JsonAnswer({{"command", CommandLineText(arguments)}, {"files", written}});
 }
 
 // The target as it is printed: its sheets, or why there is none. Each text of the target has a

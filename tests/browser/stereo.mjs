@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A stereo pair: previews without distortion and rectified are the images that the command line writes.
+// A stereo pair: previews without distortion and rectified, and exported files, are those that the command line writes.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { cpSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
@@ -53,10 +53,23 @@ await testPage({ folder, height: 1600 }, async (page, steps) => {
   for (const [kind, files] of [["undistorted", ["straight/03.png"]], ["rectified with left", ["pair/left/03.png", "pair/right/03.png"]]]) {
     steps(kind);
     await page.getByLabel("preview").selectOption({ label: kind });
-    await page.locator(".lined img").waitFor({ timeout: kPatience });
+    await page.getByRole("img", { name: files.length === 1 ? "without distortion" : "rectified" }).waitFor({ timeout: kPatience });
     await page.locator(".lined img").evaluate((image) => image.decode());
     const difference = await differenceFrom(page, files);
     assert.ok(difference < 1.5, `${kind}: ${difference} grey values`);
     await look(page, files.length === 1 ? "undistorted" : "rectified");
+  }
+
+  steps("files for another program have the names that it expects");
+  run("export", "runs/1/calibration.yaml", "--format", "mrcal", "-o", "by_hand.cameramodel");
+  await page.getByRole("button", { name: "Export", exact: true }).first().click();
+  await page.getByLabel("format").selectOption("mrcal");
+  await page.locator("main").getByRole("button", { name: "Export", exact: true }).click();
+  for (const camera of ["left", "right"]) {
+    const download = page.waitForEvent("download");
+    await page.getByRole("button", { name: `Save camera_${camera}.cameramodel` }).click();
+    const saved = await download;
+    assert.equal(saved.suggestedFilename(), `camera_${camera}.cameramodel`);
+    assert.equal(readFileSync(await saved.path(), "utf8"), readFileSync(join(folder, `by_hand_${camera}.cameramodel`), "utf8"));
   }
 });

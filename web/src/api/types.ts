@@ -27,6 +27,8 @@ export interface State {
   jobs: Job[];
   runs: RunBrief[];
   watching: boolean;
+  /** Of files for other programs. */
+  formats: string[];
   event: number;
 }
 export interface Rule {

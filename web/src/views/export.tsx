@@ -2,9 +2,7 @@
 // Files for other programs, each with the command line that makes it.
 import { useState } from "preact/hooks";
 import { ask, blob } from "../api/client";
-import { attempt, place, run } from "../state/project";
-
-const kFormats = ["opencv", "ros", "kalibr", "basalt", "colmap", "dso", "matlab", "mrcal", "orbslam2", "orbslam3"];
+import { attempt, place, project, run } from "../state/project";
 
 function save(content: Blob, name: string): void {
   const link = document.createElement("a");
@@ -17,7 +15,7 @@ function save(content: Blob, name: string): void {
 export function Export() {
   const [format, setFormat] = useState("opencv");
   const [camera, setCamera] = useState("");
-  const [made, setMade] = useState<{ command: string; text: string } | null>(null);
+  const [made, setMade] = useState<{ command: string; files: { name: string; text: string }[] } | null>(null);
   const now = run.value;
   const number = place.value.run;
   if (!now || number === null) return <p>No result yet: calibrate in Set up.</p>;
@@ -34,7 +32,7 @@ export function Export() {
         <label>
           format{" "}
           <select value={format} onChange={(event) => setFormat(event.currentTarget.value)}>
-            {kFormats.map((name) => (
+            {(project.value?.formats ?? []).map((name) => (
               <option key={name}>{name}</option>
             ))}
           </select>
@@ -58,8 +56,12 @@ export function Export() {
           <p>
             The same on the command line: <code>{made.command}</code>
           </p>
-          <button onClick={() => save(new Blob([made.text]), `${format}.txt`)}>Save the file</button>
-          <pre tabIndex={0}>{made.text}</pre>
+          {made.files.map(({ name, text }) => (
+            <div key={name}>
+              <button onClick={() => save(new Blob([text]), name)}>Save {name}</button>
+              <pre tabIndex={0}>{text}</pre>
+            </div>
+          ))}
         </section>
       )}
       <p class="quiet">All files of this run are in {now.folder}.</p>

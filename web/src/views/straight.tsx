@@ -7,26 +7,16 @@ import { attempt, run } from "../state/project";
 export function Straight({ number, camera, frame }: { number: number; camera: string; frame: string }) {
   // "" shows none, the camera's own name its undistorted image.
   const [kind, setKind] = useState("");
-  const [url, setUrl] = useState<string | null>(null);
+  const [made, setMade] = useState({ path: "", url: "" });
   const others = (run.value?.cameras ?? [])
     .filter(({ name, plenoptic, frames }) => name !== camera && !plenoptic && frames.some((each) => each.frame === frame))
     .map(({ name }) => name);
   const query = new URLSearchParams({ camera, frame, ...(kind === camera ? {} : { with: kind }) });
   const path = kind === "" ? null : `/api/runs/${number}/straight?${query}`;
   useEffect(() => {
-    setUrl(null);
-    if (!path) return;
-    let made: string | null = null;
-    let current = true;
-    void attempt(async () => {
-      const content = await blob(path);
-      if (current) setUrl((made = URL.createObjectURL(content)));
-    });
-    return () => {
-      current = false;
-      if (made) URL.revokeObjectURL(made);
-    };
+    if (path) void attempt(async () => setMade({ path, url: URL.createObjectURL(await blob(path)) }));
   }, [path]);
+  useEffect(() => () => URL.revokeObjectURL(made.url), [made]);
   return (
     <div class="straight">
       <label>
@@ -41,9 +31,9 @@ export function Straight({ number, camera, frame }: { number: number; camera: st
           ))}
         </select>
       </label>
-      {url && (
+      {made.path === path && (
         <figure class={kind === camera ? "lined crossed" : "lined"}>
-          <img src={url} alt={kind === camera ? `${camera} ${frame} without distortion` : `${camera} and ${kind} ${frame}, rectified`} />
+          <img src={made.url} alt={kind === camera ? `${camera} ${frame} without distortion` : `${camera} and ${kind} ${frame}, rectified`} />
           <figcaption>
             {kind === camera
               ? "Edges that are straight in space run along straight lines here."
