@@ -73,7 +73,32 @@ void AddCamera(const Json& camera, PageText* text) {
         {row.at(0).get<std::string>(), BriefNumber(row.at(1), 6), row.at(2).get<std::string>()});
   }
   text->Table("residuals", {}, rows);
-  AddParameters("T_camera_rig as se(3) vector", camera.at("T_camera_rig"), text);
+}
+
+// The cameras of a rig side by side, without the master.
+void AddExtrinsics(const std::vector<Json>& cameras, PageText* text) {
+  if (cameras.size() < 2) return;
+  std::vector<std::string> head{""};
+  std::vector<std::vector<std::string>> rows;
+  for (size_t c = 1; c < cameras.size(); ++c) {
+    head.push_back(cameras[c].at("name").get<std::string>());
+    size_t row = 0;
+    for (const Json& each : cameras[c].at("extrinsics")) {
+      if (c == 1) rows.push_back({each.at("name").get<std::string>()});
+      const auto [value, sigma] = NumberWithSigma(each.at("value").get<double>(), each.at("sigma"));
+      const bool known = each.at("sigma").is_number() && each.at("sigma").get<double>() > 0;
+      rows.at(row++).push_back(fmt::format("{}{}{}", value, known ? " ± " : ", ", sigma));
+    }
+  }
+  head.emplace_back();
+  for (size_t row = 0; row < rows.size(); ++row) {
+    const Json& unit = cameras[1].at("extrinsics").at(row).at("unit");
+    rows[row].push_back(UnitText(unit.get<std::string>()));
+  }
+  text->Table(fmt::format("poses in the frame of {} ± standard errors",
+                          cameras[0].at("name").get<std::string>()),
+              head,
+              rows);
 }
 
 }  // namespace
@@ -91,6 +116,7 @@ PageText CalibrationText(const Json& report) {
   text.Box(grade, fmt::format("{}: {}", grade, report.at("headline").get<std::string>()), lines);
   text.Findings(verdict.at("findings"));
   text.Heading("Parameters");
+  AddExtrinsics(cameras, &text);
   for (const Json& camera : cameras) AddCamera(camera, &text);
   return text;
 }

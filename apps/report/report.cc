@@ -24,21 +24,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-// The pose as parameters; none of the camera that is the rig's frame.
-Json PoseJson(const CalibratedCamera& camera) {
-  constexpr std::array kNames{"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"};
-  Json pose = Json::array();
-  const auto xi = Log(camera.T_camera_rig);
-  if (xi.isZero(0)) return pose;
-  for (size_t i = 0; i < kNames.size(); ++i) {
-    pose.push_back({{"name", kNames[i]},
-                    {"unit", i < 3 ? "m" : "rad"},
-                    {"value", AsInFile(xi[static_cast<Eigen::Index>(i)])},
-                    {"sigma", AsInFile(camera.sigma_xi[i])}});
-  }
-  return pose;
-}
-
 // Rows of name, value and unit.
 Json ResidualTable(const CameraFit& fit) {
   Json rows = Json::array({{"RMS reprojection error", AsInFile(fit.rms), "px"},
@@ -232,7 +217,6 @@ class ReportData {
         DistancePrecisions(calibration_, c, kMostPrecisions);
     return {{"source", camera.model->source},
             {"summary", SummaryOf(camera)},
-            {"T_camera_rig", PoseJson(camera)},
             {"residual_table", ResidualTable(camera.fit)},
             {"plots",
              ResidualSections(calibration_,

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "assess/extrinsics.h"
 #include "assess/projection_map.h"
 #include "assess/residual_field.h"
 #include "assess/verdict.h"
@@ -15,14 +16,21 @@ namespace {
 
 using Json = nlohmann::json;
 
-Json CameraJson(const CalibratedCamera& camera, size_t index) {
+Json CameraJson(const CalibratedCamera& camera, size_t index, const Correlations& correlations) {
   Json parameters = Json::object(), sigma = Json::object(), units = Json::array();
+  Json extrinsics = Json::array();
   for (size_t k = 0; k < camera.params.size(); ++k) {
     const Param& param = camera.model->params[k];
     const std::string name(param.name);
     parameters[name] = camera.params[k];
     sigma[name] = AsInFile(camera.Sigma(k));
     if (!(param.prior_sigma > 0)) units.push_back({name, param.unit});
+  }
+  for (const Extrinsic& each : ExtrinsicsOf(camera, correlations)) {
+    extrinsics.push_back({{"name", each.name},
+                          {"unit", each.unit},
+                          {"value", Short(each.value, 9)},
+                          {"sigma", Short(each.sigma, 6)}});
   }
   constexpr int kAllDigits = 12;
   const CameraFit& fit = camera.fit;
@@ -35,6 +43,7 @@ Json CameraJson(const CalibratedCamera& camera, size_t index) {
           {"sigma", sigma},
           {"units", units},
           {"T_rig_camera", TransformJson(camera.T_camera_rig.Inverse(), kAllDigits)},
+          {"extrinsics", extrinsics},
           {"rms", AsInFile(fit.rms)},
           {"noise", AsInFile(fit.noise_sigma)},
           {"detector_sigma", fit.detector_sigma > 0 ? AsInFile(fit.detector_sigma) : Json()},
@@ -113,7 +122,7 @@ Json CheckJson(const CalibrationCheck& check) {
 Json CalibrationJson(const CalibrationRecord& record) {
   Json cameras = Json::object();
   for (size_t c = 0; c < record.cameras.size(); ++c) {
-    cameras[record.cameras[c].name] = CameraJson(record.cameras[c], c);
+    cameras[record.cameras[c].name] = CameraJson(record.cameras[c], c, record.correlations);
   }
   const Verdict verdict = record.verdict ? *record.verdict : Judge(record);
   return {{"verdict", VerdictJson(verdict)},

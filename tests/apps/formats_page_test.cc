@@ -102,7 +102,9 @@ const std::map<std::string, std::vector<Child>>& Children() {
        {{"verdict", Below::kMap, "Keys of `verdict`"},
         {"cameras", Below::kMapOfMaps, "Keys of a camera in calibrate --json"}}},
       {"Keys of a camera in calibrate --json",
-       {{"parameters", Below::kFree}, {"sigma", Below::kFree}}},
+       {{"parameters", Below::kFree},
+        {"sigma", Below::kFree},
+        {"extrinsics", Below::kListOfMaps, "Keys of an item of `extrinsics`"}}},
       {"Keys of recording --json",
        {{"cameras", Below::kMapOfMaps, "Keys of a camera in recording --json"},
         {"topics", Below::kMapOfMaps, "Keys of a topic in recording --json"},
@@ -613,7 +615,7 @@ TEST_F(FormatsPage, HasTheTablesOfTheSchemaOfCalibrations) {
     EXPECT_THAT(page, HasSubstr(table + "\n")) << "take the table from here";
     ++tables;
   }
-  EXPECT_EQ(tables, 2);
+  EXPECT_EQ(tables, 3);
 }
 
 TEST_F(FormatsPage, HasWhatWhiteAndFocusWrite) {

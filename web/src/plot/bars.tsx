@@ -16,7 +16,7 @@ export interface BarSeries {
   line?: boolean;
 }
 
-export interface BarsLook extends Pick<ChartLook, "name" | "aspect" | "chosen" | "onChoose" | "paint"> {
+export interface BarsLook extends Pick<ChartLook, "name" | "aspect" | "chosen" | "onChoose" | "part" | "onPart" | "paint"> {
   names: readonly string[];
   /** Middles of the bins of a histogram: its axis has numbers in place of names. */
   middles?: readonly number[] | undefined;

@@ -43,6 +43,9 @@ export interface ChartLook {
   /** The chart's arrow keys and clicks choose a datum. */
   chosen?: number;
   onChoose?: (i: number) => void;
+  /** A dragged line chooses the data from the first to the last, a double click all (null), and these are shown. */
+  part?: [number, number] | null;
+  onPart?: (part: [number, number] | null) => void;
 }
 
 function painterOf(plot: uPlot): Painter {
@@ -82,6 +85,20 @@ function datumAt(plot: uPlot, hover: Hover, left: number, top: number): number {
   return best;
 }
 
+/** Shows the chosen data alone, or all. */
+function showPart(plot: uPlot, { part, count }: ChartLook): void {
+  plot.setScale("x", part ? { min: part[0] - 0.5, max: part[1] + 0.5 } : { min: 0, max: count - 1 });
+}
+
+/** The data that the dragged line covers, in part at least. */
+function choosePart(plot: uPlot, { onPart, count }: ChartLook): void {
+  const { left, width } = plot.select;
+  if (width <= 0) return;
+  plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  const at = (place: number): number => Math.min(count - 1, Math.max(0, Math.round(plot.posToVal(place, "x"))));
+  onPart?.([at(left), at(left + width)]);
+}
+
 type OnName = (plot: uPlot, hover: Hover | undefined, index: number) => void;
 
 /** The plot of an element; `latest`: the look that the component has now. */
@@ -96,7 +113,7 @@ function makePlot(element: HTMLElement, look: ChartLook, latest: () => ChartLook
     width: element.clientWidth,
     height: element.clientHeight,
     legend: { show: false },
-    cursor: { x: zooms, y: false, points: { show: false }, drag: { x: zooms, y: false } },
+    cursor: { x: zooms, y: false, points: { show: false }, drag: { x: zooms, y: false, setScale: !look.onPart } },
     padding: [8, 12, 0, 0],
     scales: { x: scaleOf(look.x), y: scaleOf(look.y) },
     axes: [axisOf(look.x, "x"), axisOf(look.y, "y")],
@@ -108,6 +125,7 @@ function makePlot(element: HTMLElement, look: ChartLook, latest: () => ChartLook
           if (paint) paintClipped(plot, paint);
         },
       ],
+      setSelect: look.onPart ? [(plot) => choosePart(plot, latest())] : [],
       setCursor: [(plot) => onName(plot, latest().hover, pointed(plot))],
     },
   };
@@ -116,6 +134,8 @@ function makePlot(element: HTMLElement, look: ChartLook, latest: () => ChartLook
     const index = pointed(plot);
     if (index >= 0) latest().onChoose?.(index);
   });
+  if (look.onPart) plot.over.addEventListener("dblclick", () => latest().onPart?.(null));
+  if (latest().part) showPart(plot, latest());
   return plot;
 }
 
@@ -171,6 +191,9 @@ function usePlot(box: RefObject<HTMLDivElement>, look: ChartLook, onName: OnName
     };
   }, [look.data, look.name]);
   useLayoutEffect(() => made.current?.redraw(), [look.chosen, look.paint]);
+  useLayoutEffect(() => {
+    if (made.current && look.onPart) showPart(made.current, look);
+  }, [look.part?.[0], look.part?.[1]]);
   return made;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bar a frame (or a marker, a lens type). Excluded ones are hatched; where one can be chosen, a click and the arrow keys do.
+// A bar a frame (or a marker, a lens type). Excluded ones are hatched; where one can be chosen, a click and the arrow
+// keys do; where several can, a drag.
 import { useMemo } from "preact/hooks";
 import uPlot from "uplot";
 import { rangeOf } from "../base/numbers";
@@ -24,6 +25,10 @@ interface Shown {
   aspect?: number;
   chosen?: string;
   onChoose?: (name: string) => void;
+  /** Names of the bars that are shown, in the order of the bars; without it all. */
+  part?: readonly string[] | undefined;
+  /** A drag over bars chooses them, a double click all. */
+  onPart?: (names: string[] | undefined) => void;
 }
 
 function hatch(): string | CanvasPattern {
@@ -43,10 +48,11 @@ function hatch(): string | CanvasPattern {
   return canvas.createPattern(tile, "repeat") ?? styled("--bad");
 }
 
-export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: Shown) {
+export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose, part, onPart }: Shown) {
   const names = useMemo(() => bars.map((bar) => bar.name), [bars]);
   const most = Math.max(1e-9, rangeOf(bars.map((bar) => bar.size))[1]);
   const index = chosen === undefined ? -1 : names.indexOf(chosen);
+  const ends: [number, number] | null = part ? [names.indexOf(part[0] ?? ""), names.indexOf(part.at(-1) ?? "")] : null;
   // uPlot's bars have one fill a series.
   const series = useMemo<BarSeries[]>(() => {
     const sizes = (which: (bar: FrameBar) => boolean): (number | null)[] =>
@@ -57,7 +63,7 @@ export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: 
     ];
   }, [bars]);
   return (
-    <div class="bars" data-bars={bars.length} data-chosen={chosen} data-excluded={bars.filter((bar) => bar.excluded).length}>
+    <div class="bars" data-bars={bars.length} data-chosen={chosen} data-part={part?.length} data-excluded={bars.filter((bar) => bar.excluded).length}>
       <Bars
         {...{ name, names, series, x, aspect }}
         y={{ label: y, range: [0, 1.05 * most] }}
@@ -65,6 +71,12 @@ export function FrameBars({ name, bars, x, y, aspect = 1.2, chosen, onChoose }: 
         words={(i) => bars[i]?.words ?? ""}
         chosen={index}
         {...(onChoose ? { onChoose: (i: number) => names[i] !== undefined && onChoose(names[i]) } : {})}
+        {...(onPart
+          ? {
+              part: ends,
+              onPart: (range: [number, number] | null) => onPart(range ? names.slice(range[0], range[1] + 1) : undefined),
+            }
+          : {})}
         paint={({ canvas, x: at, unit }) => {
           if (index < 0) return;
           const width = Math.max(at(0.5) - at(-0.5), 3 * unit);

@@ -3,7 +3,7 @@
 import type { Report, ReportCamera } from "../api/calibration";
 import { camerasOf, parametersOf, targetOf } from "../base/calibration";
 import { brief, counted } from "../base/numbers";
-import { ParameterTable, Table } from "../parts/table";
+import { ExtrinsicsTable, ParameterTable, Table } from "../parts/table";
 import type { Cell } from "../parts/table";
 import { VerdictBox } from "../parts/verdict";
 import { Figure } from "../plot/figure";
@@ -47,7 +47,6 @@ function Parameters({ camera }: { camera: ReportCamera }) {
       <div class="tables">
         <ParameterTable caption="parameters" parameters={parametersOf(camera)} />
         <Table caption="residuals" head={[]} rows={residuals} />
-        {camera.T_camera_rig.length > 0 && <ParameterTable caption="T_camera_rig as se(3) vector" parameters={camera.T_camera_rig} />}
       </div>
       {coefficients > 0 && <Note>The model also has {coefficients} coefficients of a field over the image; see calibration.yaml.</Note>}
       <Note>{camera.source}</Note>
@@ -156,7 +155,7 @@ export function CalibrationPage({ report }: { report: Report }) {
       subtitle={`${cameras.map(({ name, model }) => `${name} (${model})`).join(", ")}; ${frames.length} frames, ${markers.length} markers`}
       sections={[
         { title: "Verdict", content: <Verdict {...shown} /> },
-        { title: "Parameters", content: <>{cameras.map((camera) => <Parameters key={camera.name} camera={camera} />)}</> },
+        { title: "Parameters", content: <><ExtrinsicsTable cameras={cameras} />{cameras.map((camera) => <Parameters key={camera.name} camera={camera} />)}</> },
         { title: "Residuals", content: <>{cameras.map((camera) => <Residuals key={camera.name} camera={camera} frames={frames} />)}</> },
         { title: "Coverage", content: <>{cameras.map((camera) => <Coverage key={camera.name} camera={camera} frames={frames} />)}</> },
         sightings

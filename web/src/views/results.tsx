@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Result: verdict, bars of the frames, the chosen image with its residuals, parameters, sigma maps.
+import { signal } from "@preact/signals";
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
 import type { Residuals, SigmaMap } from "../api/calibration";
 import type { Influence, Preview } from "../api/types";
-import { parametersOf, rowsOf } from "../base/calibration";
+import { rowsOf } from "../base/calibration";
 import type { CameraResult, RunResult } from "../base/calibration";
 import { brief } from "../base/numbers";
-import { ParameterTable } from "../parts/table";
+import { CamerasTable, ExtrinsicsTable } from "../parts/table";
 import { VerdictBox } from "../parts/verdict";
 import { FrameBars } from "../plot/frame_bars";
 import { ArrowMap } from "../plot/image_field";
@@ -98,10 +99,6 @@ function ResidualsOf({ number, camera }: { number: number; camera: CameraResult 
   );
 }
 
-const captionOf = (camera: CameraResult): string =>
-  `${camera.name}: ${camera.model}, RMS ${camera.rms?.toFixed(3)} px, noise ${camera.noise?.toFixed(3)} px` +
-  `${camera.detector_sigma ? ` (detector ${camera.detector_sigma.toFixed(3)})` : ""}, ${camera.points} points, ${camera.rejected} rejected`;
-
 function Maps({ number, camera: { name, image_size } }: { number: number; camera: CameraResult }) {
   const [maps, setMaps] = useState<SigmaMap[]>([]);
   useEffect(() => {
@@ -125,11 +122,15 @@ function chosenOf(now: RunResult): Chosen | null {
   return { number: now.run, camera, frame: frame ?? worst?.frame ?? "", marker: marker === undefined ? null : Number(marker) };
 }
 
+/** Frames to step through, in the order of the bars; null: all of the camera that is shown. */
+const part = signal<{ camera: string; order: Order; frames: string[] } | null>(null);
+const partOf = (camera: string): string[] | undefined => (part.value?.camera === camera ? part.value.frames : undefined);
+
 export function step(by: number): void {
   const now = run.value;
   const chosen = now && chosenOf(now);
   if (!chosen) return;
-  const frames = chosen.camera.frames.map((each) => each.frame);
+  const frames = partOf(chosen.camera.name) ?? chosen.camera.frames.map((each) => each.frame);
   const next = frames[frames.indexOf(chosen.frame) + by];
   if (next) go("results", [chosen.camera.name, next], chosen.number);
 }
@@ -137,6 +138,27 @@ export function step(by: number): void {
 export function excludeChosen(): void {
   const chosen = run.value && chosenOf(run.value);
   if (chosen && session.value) void excludeShown(chosen);
+}
+
+/** Which of the frames to step through is shown. */
+function Stepper({ camera, frame }: Chosen) {
+  const frames = partOf(camera.name);
+  const all = frames ?? camera.frames.map((each) => each.frame);
+  const index = all.indexOf(frame);
+  return (
+    <div class="row" data-step={`${index + 1} of ${all.length}`}>
+      <button disabled={index <= 0} title="frame before (left)" onClick={() => step(-1)}>
+        ←
+      </button>
+      <button disabled={index < 0 || index >= all.length - 1} title="frame after (right)" onClick={() => step(1)}>
+        →
+      </button>
+      <span aria-live="polite">
+        {index + 1} of {frames ? `${all.length} chosen frames` : `${all.length} frames`}
+      </span>
+      {frames && <button onClick={() => (part.value = null)}>all frames</button>}
+    </div>
+  );
 }
 
 interface OfCamera extends Ordered {
@@ -156,11 +178,16 @@ function BarsOf({ camera, order, influences, chosen, number }: OfCamera) {
       <FrameBars
         name={`${camera.name}: ${title}`}
         bars={bars}
-        x="frame; drag: zoom, double click: all"
+        x="frame; drag: choose several, double click: all"
         y={order === "influence" ? "sigmas" : "RMS, px"}
         aspect={3}
         chosen={chosen}
         onChoose={(frame) => go("results", [camera.name, frame], number)}
+        part={part.value?.order === order ? partOf(camera.name) : undefined}
+        onPart={(frames) => {
+          part.value = frames ? { camera: camera.name, order, frames } : null;
+          if (frames?.[0] && !frames.includes(chosen)) go("results", [camera.name, frames[0]], number);
+        }}
       />
     </section>
   );
@@ -201,7 +228,7 @@ export function Results() {
           </select>
         </label>
       </div>
-      <div class="columns">
+      <div class="columns beside">
         <div>
           {now.cameras.map((camera) => (
             <BarsOf
@@ -213,12 +240,16 @@ export function Results() {
               number={now.run}
             />
           ))}
-          <ParameterTable caption={captionOf(chosen.camera)} parameters={parametersOf(chosen.camera)} />
+          <ExtrinsicsTable cameras={now.cameras} />
+          <CamerasTable cameras={now.cameras} />
           <h2>Sigma of the projection</h2>
           <Maps number={now.run} camera={chosen.camera} />
           <ResidualsOf number={now.run} camera={chosen.camera} />
         </div>
-        <Frame {...chosen} />
+        <div>
+          <Stepper {...chosen} />
+          <Frame {...chosen} />
+        </div>
       </div>
     </>
   );

@@ -6,6 +6,7 @@ import type { Space } from "../api/calibration";
 import { targetOf } from "../base/calibration";
 import { inverseOf } from "../space/geometry";
 import type { Ghost } from "../space/geometry";
+import { ExtrinsicsTable } from "../parts/table";
 import { Scene } from "../space/scene";
 import { attempt, go, place, run } from "../state/project";
 import { findSuggestions, suggestionsOfRun } from "../state/suggestions";
@@ -45,6 +46,7 @@ export function InSpace() {
           {withNext ? (suggestions?.views[0]?.words ?? "weighing views…") : "what to record next, as dashed cameras"}
         </span>
       </div>
+      <ExtrinsicsTable cameras={now.cameras} />
     </>
   );
 }
