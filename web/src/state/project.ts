@@ -28,6 +28,7 @@ export const place = computed(() => {
 export function go(view: string, parts: string[] = [], number: number | null = null): void {
   const query = number === null ? "" : `?run=${number}`;
   location.hash = `#/${[view, ...parts.map(encodeURIComponent)].join("/")}${query}`;
+  address.value = location.hash; // now: keys may follow each other faster than events
 }
 
 export const activeJob = computed<Job | null>(() => {
@@ -71,10 +72,17 @@ export async function loadRun(): Promise<void> {
   run.value = resultOf(await ask<Run>("GET", `/api/runs/${number}`));
 }
 
-export async function loadState(): Promise<void> {
-  project.value = await ask<State>("GET", "/api/state");
-  await loadSession();
-  await loadRun();
+let loading: Promise<void> = Promise.resolve();
+/** One after the other, so that no older answer comes last. */
+export function loadState(): Promise<void> {
+  loading = loading
+    .catch(() => {})
+    .then(async () => {
+      project.value = await ask<State>("GET", "/api/state");
+      await loadSession();
+      await loadRun();
+    });
+  return loading;
 }
 
 function onJob(job: Job): void {
