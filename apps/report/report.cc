@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/report.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ctime>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string>
+#include <utility>
 
 #include "apps/report/attenuation_map.h"
 #include "apps/report/calibration_text.h"
@@ -235,11 +241,32 @@ class ReportData {
   const CameraFiles& files_;
 };
 
+// The day of a file's last change; of a file that is yet to be written, today.
+std::string DayOf(const std::filesystem::path& file) {
+  struct stat about {};
+  const bool is_there = stat(file.c_str(), &about) == 0;
+  return fmt::format("{:%Y-%m-%d}", fmt::localtime(is_there ? about.st_mtime : std::time(nullptr)));
+}
+
+// Session and day; a session.yaml is named by its folder.
+std::string TitleOf(const CalibrationRecord& calibration) {
+  std::filesystem::path session;
+  for (const char* key : {"folder", "session"}) {
+    const auto found =
+        std::ranges::find(calibration.provenance, key, &std::pair<std::string, std::string>::first);
+    if (found != calibration.provenance.end()) session /= found->second;
+  }
+  std::filesystem::path name = session.stem();
+  if (name == "session") name = session.parent_path().filename();
+  return fmt::format(
+      "Calibration{}{}, {}", name.empty() ? "" : " of ", name.string(), DayOf(calibration.path));
+}
+
 }  // namespace
 
 std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& files) {
   const Json data = ReportData(calibration, files).Make();
-  return MakePage("Calibration report", CalibrationText(data), data);
+  return MakePage(TitleOf(calibration), CalibrationText(data), data);
 }
 
 void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibration* calibration) {

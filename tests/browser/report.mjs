@@ -48,16 +48,28 @@ async function readTheFigures(page, steps) {
   const drawn = () => page.locator(".u-wrap").count();
   const all = await page.locator(".chart").count();
   assert.ok((await drawn()) < all, "all figures are drawn at once");
-  const bars = page.getByRole("img", { name: "Per frame" });
+  const bars = page.getByRole("slider", { name: "Per frame" });
   await bars.scrollIntoViewIfNeeded();
   await bars.locator(".u-over").hover();
   await bars.getByText(/^(left)?\d\d: [\d.]+ px, 54 points/).waitFor();
   await page.mouse.move(0, 0);
   await bars.focus();
-  await page.keyboard.press("ArrowRight");
-  await bars.getByText(/^(left)?01: /).waitFor();
-  await page.keyboard.press("ArrowRight");
-  await bars.getByText(/^(left)?02: /).waitFor();
+  const chosen = () => page.locator("[data-bars]").first().getAttribute("data-chosen");
+  const worst = await chosen();
+  for (const key of ["ArrowLeft", "ArrowRight"]) {
+    await page.keyboard.press(key);
+    await bars.getByText(new RegExp(`^${await chosen()}: `)).waitFor();
+    assert.equal((await chosen()) === worst, key === "ArrowRight");
+  }
+
+  steps("a click on a bar leads to its frame; the worst ones are drawn with their residuals");
+  const frames = page.locator("figure", { hasText: /, frame \w+RMS/ });
+  assert.equal(await frames.count(), 4);
+  const box = await bars.locator(".u-over").boundingBox();
+  await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.5 * box.height);
+  await frames.first().getByText(`, frame ${await chosen()}`).waitFor();
+  await frames.first().locator(".u-over").hover({ position: { x: 100, y: 100 } });
+  assert.match(await page.title(), /^Calibration of out, \d{4}-\d\d-\d\d$|^Calibration of plenocal-report-\w+, \d{4}-\d\d-\d\d$/);
   await page.evaluate(() => window.plenocalReport.drawAll());
   assert.equal(await drawn(), all);
 }

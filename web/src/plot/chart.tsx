@@ -126,7 +126,8 @@ function makePlot(element: HTMLElement, look: ChartLook, latest: () => ChartLook
         },
       ],
       setSelect: look.onPart ? [(plot) => choosePart(plot, latest())] : [],
-      setCursor: [(plot) => onName(plot, latest().hover, pointed(plot))],
+      // Drawing moves no pointer.
+      setCursor: [(plot) => plot.cursor.event && onName(plot, latest().hover, pointed(plot))],
     },
   };
   const plot = new uPlot(options, look.data, element);
