@@ -45,7 +45,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("calib/prior", {"calib/start"});
   add("calib/scene", {"calib/noise"});
   add("calib/estimate", {"calib/rig", "calib/prior"});
-  add("calib", {"calib/estimate", "calib/scene"});
+  add("calib/space", {"calib/prior"});
+  add("calib", {"calib/estimate", "calib/scene", "calib/space"});
   add("assess/views", {"calib/rig"});
   add("assess/frames", {"assess/views"});
   add("assess", {"calib", "assess/frames"});

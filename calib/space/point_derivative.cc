@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/space/point_derivative.h"
+
+#include <vector>
+
+namespace plenocal {
+
+bool Differentiate(const SpaceRig& rig,
+                   const SpaceObservation& seen,
+                   const Eigen::Vector3d& p,
+                   double h,
+                   PointDerivative* out) {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const BundleCamera& camera = rig.cameras[seen.camera];
+  const CameraModel& model = *camera.model;
+  const auto rows = static_cast<Eigen::Index>(model.measured.size()),
+             count = static_cast<Eigen::Index>(model.params.size());
+  // A model that projects p / 1 alone has the point itself, whose derivative by h follows.
+  const double scale = model.homogeneous ? 1 : h;
+  if (!(scale > 0)) return false;
+  const Eigen::Vector3d rotated = camera.T_camera_rig.R * p;
+  const Eigen::Vector3d at = (rotated + h * camera.T_camera_rig.t) / scale;
+  Rows by_params(rows, count), by_camera_point(rows, 3);
+  Eigen::VectorXd predicted(rows), by_h = Eigen::VectorXd::Zero(rows);
+  if (!model.ProjectWithJacobian(camera.params.data(),
+                                 camera.config.data(),
+                                 seen.values.data(),
+                                 at,
+                                 {.predicted = predicted.data(),
+                                  .J_params = by_params.data(),
+                                  .J_point = by_camera_point.data(),
+                                  .J_h = by_h.data()},
+                                 model.homogeneous ? h : 1)) {
+    return false;
+  }
+  out->residual = Eigen::Map<const Eigen::VectorXd>(seen.values.data(), rows) - predicted;
+  out->by_point = by_camera_point * camera.T_camera_rig.R / scale;
+  out->by_h = by_h + by_camera_point * camera.T_camera_rig.t / scale;
+  if (!model.homogeneous) out->by_h -= by_camera_point * at / scale;
+  out->by_theta = Eigen::MatrixXd::Zero(rows, rig.Size());
+  // The chart turns the point about the camera's centre and shifts it (`Retract`).
+  const Eigen::Matrix3d turned = -Hat(rotated / scale);
+  for (size_t i = 0; i < rig.unknowns.size(); ++i) {
+    const CalibrationPrior::Unknown& unknown = rig.unknowns[i];
+    if (unknown.camera != seen.camera) continue;
+    auto column = out->by_theta.col(static_cast<Eigen::Index>(i));
+    if (unknown.param) {
+      column = by_params.col(static_cast<Eigen::Index>(*unknown.param));
+    } else if (unknown.component < 3) {
+      column = by_camera_point.col(unknown.component) * (h / scale);
+    } else {
+      column = by_camera_point * turned.col(unknown.component - 3);
+    }
+  }
+  if (seen.by_shared.empty()) return true;
+  const auto shared = static_cast<Eigen::Index>(seen.by_shared.size()) / rows;
+  out->by_theta.middleCols(rig.first_shared[seen.camera], shared) =
+      Eigen::Map<const Rows>(seen.by_shared.data(), rows, shared);
+  return true;
+}
+
+}  // namespace plenocal

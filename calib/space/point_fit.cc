@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/space/point_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "calib/base/linear_algebra.h"
+#include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
+#include "calib/space/point_derivative.h"
+
+namespace plenocal {
+namespace {
+
+using Observations = std::span<const SpaceObservation>;
+
+struct RigRay {
+  Eigen::Vector3d origin, direction;  // in the rig's frame
+};
+
+std::optional<RigRay> RayOf(const SpaceRig& rig, const SpaceObservation& seen) {
+  const BundleCamera& camera = rig.cameras[seen.camera];
+  const std::optional<Ray> ray = Unproject(camera, seen.values.data());
+  if (!ray) return std::nullopt;
+  const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
+  return RigRay{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
+}
+
+// The point nearest to the rays, also one at infinity: the sum of |(I - d d') (m + rho (o - p))|^2
+// over rays p + l d is least for |m| = 1.
+void Start(const std::vector<RigRay>& rays, SpacePoint* point) {
+  Eigen::Matrix3d by_m = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d by_both = Eigen::Vector3d::Zero();
+  double by_rho = 0;
+  for (const RigRay& ray : rays) {
+    const Eigen::Matrix3d across =
+        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+    const Eigen::Vector3d b = across * (point->o - ray.origin);
+    by_m += across;
+    by_both += b;
+    by_rho += b.squaredNorm();
+  }
+  // rho of the least sum for a given m, and then m.
+  Eigen::Matrix3d reduced = by_m;
+  if (by_rho > 0) reduced -= by_both * by_both.transpose() / by_rho;
+  point->m = DecomposeSymmetric(reduced).vectors.col(0);
+  if (point->m.dot(rays[0].direction) < 0) point->m = -point->m;
+  point->rho = by_rho > 0 ? -by_both.dot(point->m) / by_rho : 0;
+}
+
+// The directions a and b in which m changes.
+Eigen::Matrix<double, 3, 2> Across(const Eigen::Vector3d& m) {
+  Eigen::Matrix<double, 3, 2> across;
+  across.col(0) = m.unitOrthogonal();
+  across.col(1) = m.cross(across.col(0));
+  return across;
+}
+
+// All residuals and derivatives in units of their noise.
+struct Whitened {
+  Eigen::VectorXd residual;
+  Eigen::MatrixXd by_point, by_theta;  // n x 3 by (a, b, rho), n x theta
+};
+
+// The root of the inverse covariance of one coordinate of a camera's observations of a marker:
+// their own noise and the part common to all.
+Eigen::MatrixXd Whitening(const SpaceRig& rig, Observations of_camera) {
+  const auto n = static_cast<Eigen::Index>(of_camera.size());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
+  if (n > 1) {
+    const double common = rig.fits[of_camera[0].camera].common_noise;
+    covariance.setConstant(common * common);
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double sigma = of_camera[static_cast<size_t>(i)].sigma;
+    covariance(i, i) += sigma * sigma;
+  }
+  const Eigen::MatrixXd lower = covariance.llt().matrixL();
+  return lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n));
+}
+
+// `seen` is in the order of cameras. Nothing outside a model's domain.
+std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
+  std::vector<PointDerivative> each(seen.size());
+  const Eigen::Vector3d p = point.rho * point.o + point.m;
+  const Eigen::Matrix<double, 3, 2> across = Across(point.m);
+  Eigen::Index rows = 0;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (!Differentiate(rig, seen[i], p, point.rho, &each[i])) return std::nullopt;
+    rows += each[i].residual.size();
+  }
+  Whitened all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 3), Eigen::MatrixXd(rows, rig.Size())};
+  Eigen::Index row = 0;
+  for (size_t begin = 0, end = 0; begin < seen.size(); begin = end) {
+    while (end < seen.size() && seen[end].camera == seen[begin].camera) ++end;
+    const auto n = static_cast<Eigen::Index>(end - begin);
+    const Eigen::MatrixXd root = Whitening(rig, seen.subspan(begin, end - begin));
+    for (Eigen::Index k = 0; k < each[begin].residual.size(); ++k) {
+      Eigen::VectorXd residual(n);
+      Eigen::MatrixXd by_point(n, 3), by_theta(n, rig.Size());
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const PointDerivative& one = each[begin + static_cast<size_t>(i)];
+        residual[i] = one.residual[k];
+        by_point.row(i) << one.by_point.row(k) * across,
+            one.by_point.row(k).dot(point.o) + one.by_h[k];
+        by_theta.row(i) = one.by_theta.row(k);
+      }
+      all.residual.segment(row, n) = root * residual;
+      all.by_point.middleRows(row, n) = root * by_point;
+      all.by_theta.middleRows(row, n) = root * by_theta;
+      row += n;
+    }
+  }
+  return all;
+}
+
+double CostOf(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
+  const std::optional<Whitened> all = Linearise(rig, seen, point);
+  return all ? all->residual.squaredNorm() : std::numeric_limits<double>::infinity();
+}
+
+// Steps of Gauss and Newton, halved where the likelihood does not grow.
+std::optional<Whitened> Maximise(const SpaceRig& rig, Observations seen, SpacePoint* point) {
+  constexpr int kSteps = 20, kHalvings = 10;
+  constexpr double kSmall = 1e-4;  // of a standard error; undistortion is exact to less
+  std::optional<Whitened> at = Linearise(rig, seen, *point);
+  for (int i = 0; at && i < kSteps; ++i) {
+    const Eigen::Matrix3d H = at->by_point.transpose() * at->by_point;
+    Eigen::Vector3d step =
+        SolveSymmetric(H, Eigen::Vector3d(at->by_point.transpose() * at->residual));
+    if (!step.allFinite()) return std::nullopt;
+    const bool is_last = step.dot(H * step) < kSmall * kSmall;
+    const double cost = at->residual.squaredNorm();
+    SpacePoint next = *point;
+    for (int k = 0; k < kHalvings; ++k, step /= 2) {
+      const Eigen::Vector3d m = point->m + Across(point->m) * step.head<2>();
+      next.m = m.normalized();
+      next.rho = (point->rho + step.z()) / m.norm();
+      if (CostOf(rig, seen, next) <= cost * (1 + 1e-12)) break;
+    }
+    if (!(CostOf(rig, seen, next) <= cost * (1 + 1e-12))) return is_last ? at : std::nullopt;
+    *point = next;
+    at = Linearise(rig, seen, *point);
+    if (is_last) break;
+  }
+  return at;
+}
+
+// The derivative of X = o + m / rho by (a, b, rho).
+Eigen::Matrix3d ByInverseDepth(const SpacePoint& point) {
+  Eigen::Matrix3d by;
+  by << Across(point.m) / point.rho, -point.m / (point.rho * point.rho);
+  return by;
+}
+
+}  // namespace
+
+SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen, SpaceFrame frame) {
+  SpacePoint point;
+  point.observations = static_cast<int>(seen.size());
+  const auto without = [&](const char* reason) {
+    point.reason = reason;
+    return point;
+  };
+  std::vector<SpaceObservation> ordered(seen.begin(), seen.end());
+  std::ranges::stable_sort(ordered, {}, &SpaceObservation::camera);
+  std::vector<RigRay> rays;
+  for (const SpaceObservation& each : ordered) {
+    const std::optional<RigRay> ray = RayOf(rig, each);
+    if (!ray) return without("a place that the camera does not image");
+    rays.push_back(*ray);
+    point.o += ray->origin / static_cast<double>(seen.size());
+  }
+  if (rays.size() < 2) return without("one ray");
+  Start(rays, &point);
+  const std::optional<Whitened> all = Maximise(rig, ordered, &point);
+  if (!all) return without("no parallax, or rays that meet nowhere");
+  const Eigen::Matrix3d H = all->by_point.transpose() * all->by_point;
+  const Eigen::Matrix3d noise =
+      SolveSymmetric(Eigen::MatrixXd(H), Eigen::MatrixXd(Eigen::MatrixXd::Identity(3, 3)));
+  if (!noise.allFinite() || noise.diagonal().minCoeff() <= 0) return without("no parallax");
+  const Eigen::MatrixXd gain = -noise * all->by_point.transpose() * all->by_theta;
+  const Eigen::MatrixXd by_root = gain * rig.root;
+  point.sigma_rho = std::sqrt(noise(2, 2) + by_root.row(2).squaredNorm());
+  if (point.rho > 0) {
+    const Eigen::Matrix3d by = ByInverseDepth(point);
+    point.position = point.o + point.m / point.rho;
+    point.noise = by * noise * by.transpose();
+    Eigen::MatrixXd moved = by * gain;
+    if (frame == SpaceFrame::kHousing) {
+      if (rig.follow.size() == 0) return without("the calibration's own points are not known");
+      Eigen::Matrix<double, 3, 6> by_motion;
+      by_motion << Eigen::Matrix3d::Identity(), -Hat(point.position);
+      moved -= by_motion * rig.follow;
+    }
+    point.shared = moved * rig.root;
+  } else {
+    point.position.setConstant(std::numeric_limits<double>::infinity());
+    point.noise.setConstant(std::numeric_limits<double>::infinity());
+    point.shared = Eigen::MatrixXd::Zero(3, rig.root.cols());
+  }
+  // Q' r with Q across the columns of the derivative by the point.
+  const Eigen::Index rows = all->residual.size();
+  const Eigen::MatrixXd Q = all->by_point.householderQr().householderQ();
+  point.misses = Q.rightCols(rows - 3).transpose() * all->residual;
+  point.misses_by_calibration = Q.rightCols(rows - 3).transpose() * all->by_theta * rig.root;
+  double square = 0;
+  PointDerivative at;
+  for (const SpaceObservation& each : ordered) {
+    Differentiate(rig, each, point.rho * point.o + point.m, point.rho, &at);
+    square += at.residual.squaredNorm();
+  }
+  point.rms = std::sqrt(square / static_cast<double>(seen.size()));
+  const RaysTest test = RaysMeet({&point, 1});
+  point.chi_square = test.chi_square;
+  point.degrees = test.degrees;
+  point.probability = test.probability;
+  return point;
+}
+
+RaysTest RaysMeet(std::span<const SpacePoint> points) {
+  // z' (I + B B')^-1 z = z' z - (B' z)' (I + B' B)^-1 (B' z)
+  RaysTest test;
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd mixed;
+  for (const SpacePoint& point : points) {
+    if (!point.IsFound()) continue;
+    const Eigen::MatrixXd& B = point.misses_by_calibration;
+    if (normal.size() == 0) {
+      normal = Eigen::MatrixXd::Identity(B.cols(), B.cols());
+      mixed = Eigen::VectorXd::Zero(B.cols());
+    }
+    normal += B.transpose() * B;
+    mixed += B.transpose() * point.misses;
+    test.chi_square += point.misses.squaredNorm();
+    test.degrees += static_cast<int>(point.misses.size());
+  }
+  if (test.degrees == 0) return test;
+  if (normal.size() > 0) test.chi_square -= mixed.dot(normal.llt().solve(mixed));
+  test.chi_square = std::max(0.0, test.chi_square);
+  test.probability = ChiSquareTail(test.degrees, test.chi_square);
+  return test;
+}
+
+DistanceInterval DistanceOf(const SpacePoint& point, double sigmas) {
+  DistanceInterval interval;
+  const double reach = sigmas * point.sigma_rho;
+  if (point.rho + reach > 0) interval.nearest = 1 / (point.rho + reach);
+  if (point.rho > reach) interval.farthest = 1 / (point.rho - reach);
+  return interval;
+}
+
+}  // namespace plenocal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Points in space by maximum likelihood from the places at which calibrated cameras see them.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/camera/observation.h"
+#include "calib/space/space_rig.h"
+
+namespace plenocal {
+
+/// One measurement of a point.
+struct SpaceObservation {
+  size_t camera = 0;
+  std::array<double, kMaxObservationSize> values{};  ///< as `Observation::values`
+  double sigma = 0;  ///< of each measured coordinate, without the part common to a marker, px
+  std::vector<double> by_shared = {};  ///< one of `View::by_nuisance`, or empty
+};
+
+/// The frame in which an error of the calibration moves points.
+enum class SpaceFrame {
+  kRig,      ///< that of the first camera, as calibrated
+  kHousing,  ///< the one that the calibration's own points hold: what a rigid motion of all does
+             ///< not change
+};
+
+/// A point X = o + m / rho in the rig's frame, |m| = 1; rho = 0 lies at infinity, below it nothing.
+struct SpacePoint {
+  std::string reason;                      ///< why there is none; else empty
+  Eigen::Vector3d o{0, 0, 0}, m{0, 0, 1};  ///< m, 1
+  double rho = 0;                          ///< 1 / m
+  Eigen::Vector3d position{0, 0, 0};       ///< X, m; infinite where rho <= 0
+  double sigma_rho = 0;                    ///< 1 / m, by noise and calibration
+  Eigen::Matrix3d noise{};                 ///< covariance of X by noise, m^2
+  /// Root of the calibration's covariance of X, m: rows x, y, z, columns as `SpaceRig::root`. Two
+  /// points' common covariance is the product of their roots.
+  Eigen::MatrixXd shared;
+  int observations = 0;
+  double rms = 0;         ///< of the residual vector's length, px
+  double chi_square = 0;  ///< of the residuals, by noise and calibration
+  int degrees = 0;
+  double probability = 1;  ///< of a larger one
+  /// Residuals less what the point absorbs, in units of their noise, and their derivative by the
+  /// columns of `shared`: what `RaysMeet` sums.
+  Eigen::VectorXd misses;
+  Eigen::MatrixXd misses_by_calibration;
+
+  [[nodiscard]] bool IsFound() const { return reason.empty(); }
+  [[nodiscard]] Eigen::Matrix3d Covariance() const { return noise + shared * shared.transpose(); }
+};
+
+/// The point that all observations see. A start by least squares of the distances from the rays is
+/// improved until it is the maximum of the likelihood, through infinity where all models allow it.
+SpacePoint FitPoint(const SpaceRig& rig,
+                    std::span<const SpaceObservation> seen,
+                    SpaceFrame frame = SpaceFrame::kRig);
+
+/// Whether the rays of all points together meet, given the errors of the one calibration that they
+/// share: single points may each meet while all show the same error.
+struct RaysTest {
+  double chi_square = 0;
+  int degrees = 0;
+  double probability = 1;
+};
+RaysTest RaysMeet(std::span<const SpacePoint> points);
+
+/// The interval of a distance 1 / rho, m: symmetric in rho, since the distance of a far point has
+/// neither mean nor variance. The upper end is infinite where rho is not above `sigmas` of its
+/// standard error.
+struct DistanceInterval {
+  double nearest = 0, farthest = std::numeric_limits<double>::infinity();
+};
+DistanceInterval DistanceOf(const SpacePoint& point, double sigmas);
+
+}  // namespace plenocal

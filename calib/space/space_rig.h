@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The cameras that points in space are measured with, and what their calibration leaves uncertain.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/adjust/bundle.h"
+#include "calib/files/calibration_record.h"
+
+namespace plenocal {
+
+/// Calibrated cameras and the covariance C of theta (docs/space.md): their estimated parameters and
+/// the charts of their extrinsics, then the sizes of systematic displacements that all images of a
+/// camera share. The first camera's frame is the rig's.
+struct SpaceRig {
+  std::vector<BundleCamera> cameras;
+  std::vector<CalibrationPrior::Unknown> unknowns;  ///< parameters and charts
+  /// L with L L' = C; no column for a calibration without standard errors.
+  Eigen::MatrixXd root;
+  std::vector<Eigen::Index> first_shared;  ///< by camera: its first displacement in theta
+  /// Derivative by theta of the rigid motion (translation, rotation vector; of the points, in the
+  /// rig's frame) by which the calibration's own points follow an error of theta, 6 x theta; empty
+  /// where the calibration has no residuals. Its points then hold the frame
+  /// (`SpaceFrame::kHousing`).
+  Eigen::MatrixXd follow;
+  /// "left.f_x": numbers that the calibration leaves open, which are held at their values.
+  std::vector<std::string> open;
+  std::vector<CameraFit> fits;  ///< by camera
+
+  [[nodiscard]] Eigen::Index Size() const { return root.rows(); }
+  /// Standard deviation of a coordinate without the part common to a marker, px: that of the
+  /// calibration's typical observation, or of one with the detector's sigma `stated` (0: none).
+  [[nodiscard]] double NoiseOf(size_t camera, double stated) const;
+};
+
+/// The rig of the cameras of these names (empty: all), in this order. Standard errors that were
+/// scaled for errors which the points of a frame share are scaled alike (`ScaleAlike`). Throws
+/// `Error` of kind kInput for an unknown name.
+/// `shared`: by camera, the number of `View::by_nuisance` of its images, whose sizes have standard
+/// normal priors.
+SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
+                      const std::vector<std::string>& names,
+                      const std::vector<size_t>& shared = {});
+
+}  // namespace plenocal

@@ -1,0 +1,428 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "engine/rigs/triangulate_points.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "calib/base/format_error.h"
+#include "calib/base/parallel.h"
+#include "calib/base/quoted_text.h"
+#include "calib/base/statistics.h"
+#include "calib/files/detections.h"
+#include "calib/io/input_file.h"
+#include "calib/io/output_folder.h"
+#include "engine/session/calibration_folder.h"
+
+namespace plenocal {
+namespace {
+
+namespace fs = std::filesystem;
+
+// One of these many sets of true points has one that is left out.
+constexpr double kFalseAlarms = 0.05;
+// Of a calibration that holds, one in so many tests of all points says that it does not.
+constexpr double kContradiction = 1e-3;
+
+const std::array kCoordinates{"x", "y", "z"};
+
+CalibrationRecord Open(const fs::path& path) {
+  return fs::is_directory(path) ? OpenCalibrationFolder(path) : OpenWithCorrelations(path);
+}
+
+class Job {
+ public:
+  Job(const CalibrationRecord& calibration, const TriangulateRequest& request, const Run& run)
+      : calibration_(calibration), request_(request), run_(run) {
+    for (const auto& [camera, path] : request.tables) {
+      if (std::ranges::find(made_.cameras, camera) != made_.cameras.end()) {
+        throw InputError("{}: camera '{}' has a table already", path.string(), camera);
+      }
+      made_.cameras.push_back(camera);
+      tables_.push_back(ReadDetections(path, *FindCamera(calibration, camera).model));
+    }
+    CheckRequest();
+    rig_ = MakeSpaceRig(calibration, made_.cameras, SharedCounts());
+    made_.frame = request.frame;
+    made_.level = request.level;
+    made_.sigmas = std::sqrt(ChiSquareQuantile(1, 1 - request.level));
+  }
+
+  Triangulation Make() {
+    Warn();
+    FindPoints();
+    CheckTables();
+    Judge();
+    for (const std::string& frame : frames_) MeasureIn(frame);
+    return std::move(made_);
+  }
+
+ private:
+  void CheckRequest() const {
+    if (tables_.empty())
+      throw InputError("give the tables of one camera or more, as left=left.csv");
+    if (tables_.size() == 1 && !FindCamera(calibration_, made_.cameras[0]).model->plenoptic) {
+      throw InputError(
+          "{}: one ordinary camera sees directions, no points; give the table of another "
+          "camera, too",
+          request_.tables[0].second.string());
+    }
+    const auto check = [](const auto& sets, const char* option, size_t least, size_t most) {
+      for (const std::vector<int>& numbers : sets) {
+        const std::set<int> different(numbers.begin(), numbers.end());
+        if (numbers.size() >= least && numbers.size() <= most && different.size() == numbers.size())
+          continue;
+        throw InputError("{} {}: expected {}{} different points",
+                         option,
+                         fmt::join(numbers, ","),
+                         least,
+                         most > least ? " or more" : "");
+      }
+    };
+    check(request_.lengths, "--length", 2, 2);
+    check(request_.angles, "--angle", 3, 3);
+    check(request_.planes, "--plane", 3, 100'000);
+  }
+
+  // The displacements that the tables of each camera state.
+  [[nodiscard]] std::vector<size_t> SharedCounts() const {
+    std::vector<size_t> counts;
+    for (size_t c = 0; c < tables_.size(); ++c) {
+      size_t most = 0;
+      for (const View& view : tables_[c]) {
+        for (const std::vector<double>& by : view.by_nuisance) most = std::max(most, by.size());
+      }
+      counts.push_back(most / FindCamera(calibration_, made_.cameras[c]).model->measured.size());
+    }
+    return counts;
+  }
+
+  void Warn() {
+    const auto warn = [&](const std::string& what) {
+      run_.Warning(fmt::format("{}: {}", calibration_.path.string(), what));
+    };
+    if (rig_.unknowns.empty()) {
+      warn("no standard errors; those of points contain the noise of the images alone");
+    } else if (made_.cameras.size() > 1 && calibration_.correlations.names.empty()) {
+      warn(
+          "no correlations.csv beside it, without which the cameras' errors count as independent: "
+          "standard errors of points can be far too large");
+    }
+    if (rig_.open.empty()) return;
+    made_.findings.push_back(
+        {.code = "undetermined",
+         .grade = Grade::kBad,
+         .cameras = made_.cameras,
+         .what = fmt::format("The calibration does not determine {}: standard errors of points "
+                             "hold for the values that it has.",
+                             fmt::join(rig_.open, ", ")),
+         .remedy = "Calibrate with images that determine them, or state the values."});
+  }
+
+  void FindPoints() {
+    std::map<std::string, std::map<int, std::vector<SpaceObservation>>> seen;
+    for (size_t c = 0; c < tables_.size(); ++c) {
+      for (const View& view : tables_[c]) {
+        if (!seen.contains(view.frame)) frames_.push_back(view.frame);
+        for (size_t i = 0; i < view.observations.size(); ++i) {
+          const Observation& each = view.observations[i];
+          seen[view.frame][each.marker].push_back(
+              {.camera = c,
+               .values = each.values,
+               .sigma = request_.sigma.value_or(rig_.NoiseOf(c, each.detector_sigma)),
+               .by_shared =
+                   view.by_nuisance.empty() ? std::vector<double>() : view.by_nuisance[i]});
+        }
+      }
+    }
+    std::vector<std::span<const SpaceObservation>> of_point;
+    for (const std::string& frame : frames_) {
+      for (const auto& [marker, observations] : seen[frame]) {
+        made_.points.push_back({.frame = frame, .marker = marker, .point = {}});
+        of_point.emplace_back(observations);
+        for (const SpaceObservation& each : observations) {
+          if (each.sigma > 0) continue;
+          throw InputError("camera '{}' has no noise in {}: state it with --sigma",
+                           made_.cameras[each.camera],
+                           calibration_.path.string());
+        }
+      }
+    }
+    if (request_.frame == SpaceFrame::kHousing && rig_.follow.size() == 0) {
+      throw InputError(
+          "--frame housing needs the calibration's own points: give the folder that 'plenocal "
+          "calibrate' wrote, in place of {}",
+          calibration_.path.string());
+    }
+    ParallelFor(of_point.size(), run_.threads, [&](size_t i) {
+      made_.points[i].point = FitPoint(rig_, of_point[i], request_.frame);
+    });
+  }
+
+  // Points of another camera are far from every ray.
+  void CheckTables() const {
+    constexpr double kFar = 50;  // sigmas
+    std::vector<double> misses;
+    for (const TriangulatedPoint& each : made_.points) {
+      if (!each.point.IsFound() || each.point.degrees == 0) continue;
+      misses.push_back(std::sqrt(each.point.misses.squaredNorm() / each.point.degrees));
+    }
+    if (misses.empty() || Median(misses) <= kFar) return;
+    std::vector<std::string> names;
+    for (const auto& [camera, path] : request_.tables) {
+      names.push_back(fmt::format("{}={}", camera, path.string()));
+    }
+    throw InputError(
+        "{}: rays of one point miss each other by {:.3g} times their noise in half of the points; "
+        "check that the tables belong to these cameras, and have the same numbers for the same "
+        "points",
+        fmt::join(names, ", "),
+        Median(misses));
+  }
+
+  // Points whose rays pass each other are left out. Where they are most of all, the calibration is
+  // wrong, not the points: it is named, and they stay.
+  void Judge() {
+    const double limit = kFalseAlarms / std::max<double>(1, made_.points.size());
+    const auto misses = [&](const TriangulatedPoint& each) {
+      return each.point.IsFound() && each.point.probability < limit;
+    };
+    const auto found = std::ranges::count_if(
+        made_.points, [](const TriangulatedPoint& each) { return each.point.IsFound(); });
+    const bool most_miss = 2 * std::ranges::count_if(made_.points, misses) > found;
+    std::vector<SpacePoint> used;
+    for (TriangulatedPoint& each : made_.points) {
+      std::string why = each.point.reason;
+      if (!most_miss && misses(each)) {
+        why = fmt::format("its rays miss each other by {:.2g} px RMS (probability {:.1g})",
+                          each.point.rms,
+                          each.point.probability);
+      }
+      each.used = why.empty();
+      if (each.used) {
+        used.push_back(each.point);
+      } else {
+        made_.left_out.push_back({.where = each.Place(), .reason = why, .frame = each.frame});
+      }
+    }
+    if (used.empty()) {
+      const std::string why =
+          made_.left_out.empty() ? "" : fmt::format("; {}", made_.left_out[0].reason);
+      throw JobError("no point is seen by two rays that meet{}", why);
+    }
+    made_.rays = RaysMeet(used);
+    if (made_.rays.probability >= kContradiction) return;
+    made_.findings.push_back(
+        {.code = "rays_contradict_calibration",
+         .grade = Grade::kBad,
+         .cameras = made_.cameras,
+         .value = made_.rays.chi_square / made_.rays.degrees,
+         .what = fmt::format("The rays of all points together miss each other by more than noise "
+                             "and the calibration explain (chi-square {:.4g} of {} degrees of "
+                             "freedom).",
+                             made_.rays.chi_square,
+                             made_.rays.degrees),
+         .remedy = "A camera has moved or its focus has changed since, or the noise is larger: "
+                   "test the calibration with 'plenocal compare --check', state --sigma."});
+  }
+
+  const SpacePoint* Find(const std::string& frame, int marker) const {
+    for (const TriangulatedPoint& each : made_.points) {
+      if (each.used && each.frame == frame && each.marker == marker && each.point.rho > 0) {
+        return &each.point;
+      }
+    }
+    return nullptr;
+  }
+
+  // Calls measure(points) where the frame has all of them.
+  template <typename Measure>
+  void Each(const std::string& frame,
+            const std::string& kind,
+            const std::vector<std::vector<int>>& sets,
+            const Measure& measure) {
+    for (const std::vector<int>& numbers : sets) {
+      std::vector<SpacePoint> points;
+      for (const int number : numbers) {
+        if (const SpacePoint* point = Find(frame, number)) points.push_back(*point);
+      }
+      const std::string of = fmt::format("{}", fmt::join(numbers, " "));
+      if (points.size() == numbers.size()) {
+        made_.measures.push_back({frame, kind, of, std::nullopt, std::nullopt});
+        measure(points, &made_.measures.back());
+      } else {
+        made_.left_out.push_back({.where = fmt::format("{} {} {}", frame, kind, of),
+                                  .reason = "a point of it is not there",
+                                  .frame = frame});
+      }
+    }
+  }
+
+  void MeasureIn(const std::string& frame) {
+    std::vector<std::vector<int>> lengths = request_.lengths;
+    if (request_.all_lengths) {
+      std::vector<int> numbers;
+      for (const TriangulatedPoint& each : made_.points) {
+        if (each.frame == frame && each.used && each.point.rho > 0) numbers.push_back(each.marker);
+      }
+      for (size_t i = 0; i < numbers.size(); ++i) {
+        for (size_t j = i + 1; j < numbers.size(); ++j) lengths.push_back({numbers[i], numbers[j]});
+      }
+    }
+    Each(frame, "length", lengths, [](const auto& points, TriangulatedMeasure* measure) {
+      measure->number = LengthOf(points[0], points[1]);
+    });
+    Each(frame, "angle", request_.angles, [](const auto& points, TriangulatedMeasure* measure) {
+      measure->number = AngleOf(points[0], points[1], points[2]);
+    });
+    Each(frame, "plane", request_.planes, [](const auto& points, TriangulatedMeasure* measure) {
+      measure->plane = PlaneOf(points);
+    });
+  }
+
+  const CalibrationRecord& calibration_;
+  const TriangulateRequest& request_;
+  const Run& run_;
+  std::vector<std::vector<View>> tables_;  // by camera
+  std::vector<std::string> frames_;
+  SpaceRig rig_;
+  Triangulation made_;
+};
+
+std::string PointsCsv(const Triangulation& made) {
+  std::string text = "frame,marker,x,y,z,rho,sigma_rho,nearest,farthest";
+  for (const char* kind : {"cov", "noise"}) {
+    for (size_t i = 0; i < 3; ++i) {
+      for (size_t j = i; j < 3; ++j) {
+        text += fmt::format(",{}_{}_{}", kind, kCoordinates[i], kCoordinates[j]);
+      }
+    }
+  }
+  text += ",sigma_z_noise,sigma_z_calibration,rays,rms,probability,used\n";
+  for (const TriangulatedPoint& each : made.points) {
+    const SpacePoint& point = each.point;
+    if (!point.IsFound()) continue;
+    const DistanceInterval interval = DistanceOf(point, made.sigmas);
+    text += fmt::format("{},{}", CsvCell(each.frame), each.marker);
+    for (const double value : point.position) text += fmt::format(",{:.12g}", value);
+    text += fmt::format(",{:.12g},{:.9g},{:.9g},{:.9g}",
+                        point.rho,
+                        point.sigma_rho,
+                        interval.nearest,
+                        interval.farthest);
+    for (const Eigen::Matrix3d& covariance : {point.Covariance(), point.noise}) {
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        for (Eigen::Index j = i; j < 3; ++j) text += fmt::format(",{:.9g}", covariance(i, j));
+      }
+    }
+    text += fmt::format(",{:.9g},{:.9g},{},{:.6g},{:.6g},{:d}\n",
+                        std::sqrt(point.noise(2, 2)),
+                        point.shared.row(2).norm(),
+                        point.observations,
+                        point.rms,
+                        point.probability,
+                        each.used);
+  }
+  return text;
+}
+
+std::string SharedCsv(const Triangulation& made) {
+  std::string text = "frame,marker,coordinate";
+  const auto columns = static_cast<int>(
+      std::ranges::find_if(made.points, &TriangulatedPoint::used)->point.shared.cols());
+  for (int k = 1; k <= columns; ++k) text += fmt::format(",c_{}", k);
+  text += "\n";
+  for (const TriangulatedPoint& each : made.points) {
+    if (!each.used) continue;
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      text += fmt::format(
+          "{},{},{}", CsvCell(each.frame), each.marker, kCoordinates[static_cast<size_t>(i)]);
+      for (const double value : each.point.shared.row(i)) text += fmt::format(",{:.6g}", value);
+      text += "\n";
+    }
+  }
+  return text;
+}
+
+std::string MeasuresCsv(const Triangulation& made) {
+  std::string text =
+      "frame,kind,of,value,unit,sigma,sigma_noise,sigma_calibration,bias,low,high,chi_square,"
+      "degrees\n";
+  for (const TriangulatedMeasure& each : made.measures) {
+    text += fmt::format("{},{},{}", CsvCell(each.frame), each.kind, each.of);
+    if (each.number) {
+      const Measured& number = *each.number;
+      const double reach = made.sigmas * number.Sigma();
+      text += fmt::format(",{:.12g},{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},,\n",
+                          number.value,
+                          each.kind == "angle" ? "rad" : "m",
+                          number.Sigma(),
+                          number.noise,
+                          number.calibration,
+                          number.bias,
+                          number.value - reach,
+                          number.value + reach);
+    } else if (each.plane->degrees >= 0) {
+      text += fmt::format(",{:.9g},m,,,,,,,{:.6g},{}\n",
+                          each.plane->rms,
+                          each.plane->chi_square,
+                          each.plane->degrees);
+    } else {
+      text += ",,m,,,,,,,,\n";
+    }
+  }
+  return text;
+}
+
+std::string SummaryYaml(const CalibrationRecord& calibration, const Triangulation& made) {
+  const auto used = std::ranges::count_if(made.points, &TriangulatedPoint::used);
+  std::string text = fmt::format(
+      "plenocal: 1\ncalibration: {}\ncameras: [{}]\nframe_of_reference: {}\npoints: {}\n"
+      "left_out: {}\nchi_square: {:.6g}\ndegrees: {}\nprobability: {:.4g}\nlevel: {}\nfindings:",
+      YamlQuoted(calibration.path.string()),
+      fmt::join(made.cameras, ", "),
+      made.frame == SpaceFrame::kRig ? "rig" : "housing",
+      used,
+      made.left_out.size(),
+      made.rays.chi_square,
+      made.rays.degrees,
+      made.rays.probability,
+      made.level);
+  if (made.findings.empty()) text += " []";
+  text += "\n";
+  for (const Finding& finding : made.findings) {
+    text += fmt::format("  - {{code: {}, what: {}}}\n", finding.code, YamlQuoted(finding.what));
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string TriangulatedPoint::Place() const { return fmt::format("{} point {}", frame, marker); }
+
+Triangulation TriangulatePoints(const TriangulateRequest& request, const Run& run) {
+  const RunScope inputs;
+  return TriangulatePoints(Open(request.calibration), request, run);
+}
+
+Triangulation TriangulatePoints(const CalibrationRecord& calibration,
+                                const TriangulateRequest& request,
+                                const Run& run) {
+  const RunScope inputs;
+  UseAsInput(calibration.path);
+  const std::unique_ptr<OutputFolder> out = OpenOutput(request.out);
+  Triangulation made = Job(calibration, request, run).Make();
+  if (!out) return made;
+  out->Write("points.csv", PointsCsv(made));
+  out->Write("shared.csv", SharedCsv(made));
+  out->Write("measures.csv", MeasuresCsv(made));
+  out->Write("triangulation.yaml", SummaryYaml(calibration, made));
+  out->Commit();
+  return made;
+}
+
+}  // namespace plenocal

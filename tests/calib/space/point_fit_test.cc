@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Points in space over draws of the calibration and of noise: errors are as large as stated, alone
+// and together, near and far.
+#include "calib/space/point_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
+#include "calib/space/measures.h"
+#include "models/registry.h"
+#include "tests/calib/random.h"
+
+namespace plenocal {
+namespace TEST_FILE {
+
+using testing::Random;
+
+constexpr double kNoise = 0.05;  // px
+
+struct RigOptions {
+  std::vector<std::string> models{"pinhole-radial3", "pinhole-radial3"};
+  double baseline = 0.1;    // m
+  double calibration = 1;   // factor on the calibration's standard errors
+  double common_noise = 0;  // px
+};
+
+/// A rig whose parameters and extrinsics are uncertain and correlated: one number shifts all.
+CalibrationRecord UncertainRig(const RigOptions& options) {
+  CalibrationRecord record;
+  for (size_t c = 0; c < options.models.size(); ++c) {
+    CalibratedCamera& camera = record.cameras.emplace_back();
+    camera.name = "camera" + std::to_string(c);
+    camera.model = FindModel(CameraModels(), options.models[c]);
+    camera.image_size = camera.model->example_size;
+    camera.params.assign(camera.model->example.begin(), camera.model->example.end());
+    camera.config.assign(camera.model->example_config.begin(), camera.model->example_config.end());
+    std::vector<double> sigma;
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      const double scale = camera.model->params[k].scale;
+      sigma.push_back(1e-4 * options.calibration *
+                      std::max(std::abs(camera.params[k]), std::min(scale, 1.0)));
+    }
+    const auto n = static_cast<Eigen::Index>(sigma.size());
+    const Eigen::MatrixXd correlation =
+        0.5 * Eigen::MatrixXd::Identity(n, n) + 0.5 * Eigen::MatrixXd::Ones(n, n);
+    camera.covariance = CovarianceOf(sigma, correlation);
+    camera.fit.noise_sigma = std::hypot(kNoise, options.common_noise);
+    camera.fit.common_noise = options.common_noise;
+    if (c == 0) continue;
+    Vector6d xi;
+    xi << -options.baseline * static_cast<double>(c), 0.002, -0.003, 0.01, -0.02, 0.015;
+    camera.T_camera_rig = Exp(xi);
+    camera.sigma_xi << 2e-5, 3e-5, 4e-5, 1e-4, 5e-5, 7e-5;
+    camera.sigma_xi *= options.calibration;
+  }
+  return record;
+}
+
+/// Whether a camera of these numbers images X / h; its place.
+bool ImageOf(const BundleCamera& camera, const Eigen::Vector3d& X, double h, double* values) {
+  const Eigen::Vector3d p = camera.T_camera_rig.R * X + h * camera.T_camera_rig.t;
+  return camera.model->Project(camera.params.data(), camera.config.data(), values, p, values, h);
+}
+
+/// The cameras with an error of theta.
+std::vector<BundleCamera> Moved(const SpaceRig& rig, const Eigen::VectorXd& theta) {
+  std::vector<BundleCamera> cameras = rig.cameras;
+  std::vector<Vector6d> charts(cameras.size(), Vector6d::Zero());
+  for (size_t i = 0; i < rig.unknowns.size(); ++i) {
+    const CalibrationPrior::Unknown& unknown = rig.unknowns[i];
+    const double error = theta[static_cast<Eigen::Index>(i)];
+    if (unknown.param) {
+      cameras[unknown.camera].params[*unknown.param] += error;
+    } else {
+      charts[unknown.camera][unknown.component] = error;
+    }
+  }
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    cameras[c].T_camera_rig = Retract(cameras[c].T_camera_rig, charts[c]);
+  }
+  return cameras;
+}
+
+/// What true cameras see of X / h: each micro lens of `lenses` of a plenoptic one.
+std::vector<SpaceObservation> Seen(const std::vector<BundleCamera>& truth,
+                                   const Eigen::Vector3d& X,
+                                   double h,
+                                   double common_noise,
+                                   Random* random) {
+  std::vector<SpaceObservation> seen;
+  for (size_t c = 0; c < truth.size(); ++c) {
+    const Eigen::Vector2d common = random->Gaussians<2>(common_noise);
+    const bool plenoptic = truth[c].model->plenoptic;
+    for (int lens = 0; lens < (plenoptic ? 7 : 1); ++lens) {
+      SpaceObservation each{.camera = c, .sigma = kNoise};
+      if (plenoptic) {
+        // Around the middle of the image.
+        constexpr double kPitch = 20;
+        each.values[2] = truth[c].image_size[0] / 2.0 + kPitch * (lens % 3 - 1);
+        each.values[3] = truth[c].image_size[1] / 2.0 + kPitch * (lens / 3 - 1);
+      }
+      if (!ImageOf(truth[c], X, h, each.values.data())) continue;
+      const Eigen::Vector2d noise = random->Gaussians<2>(kNoise);
+      for (size_t k = 0; k < 2; ++k) {
+        each.values[k] += noise[static_cast<Eigen::Index>(k)];
+        if (plenoptic) each.values[k] += common[static_cast<Eigen::Index>(k)];
+      }
+      seen.push_back(each);
+    }
+  }
+  return seen;
+}
+
+SpacePoint ExactPoint(const SpaceRig& rig, const Eigen::Vector3d& X, double h) {
+  Random none(0);
+  std::vector<SpaceObservation> seen;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    SpaceObservation each{.camera = c, .sigma = kNoise};
+    EXPECT_TRUE(ImageOf(rig.cameras[c], X, h, each.values.data()));
+    seen.push_back(each);
+  }
+  return FitPoint(rig, seen);
+}
+
+TEST(PointFit, ExactRaysMeetInTheirPointAtInfinityAndBeyond) {
+  for (const std::string model : {"pinhole-radial3", "kannala-brandt4", "spherical"}) {
+    SCOPED_TRACE(model);
+    const SpaceRig rig = MakeSpaceRig(UncertainRig({.models = {model, model}}), {});
+    const Eigen::Vector3d direction = Eigen::Vector3d(0.1, -0.05, 1).normalized();
+    for (const double rho : {2.0, 0.1, 1e-3, 0.0, -0.01}) {
+      const SpacePoint point = ExactPoint(rig, direction, rho);
+      ASSERT_TRUE(point.IsFound()) << point.reason;
+      // The point is stated about the middle of the two centres.
+      const Eigen::Vector4d expected(direction.x(), direction.y(), direction.z(), rho);
+      Eigen::Vector4d found;
+      found << point.rho * point.o + point.m, point.rho;
+      EXPECT_LT((found.normalized() - expected.normalized()).norm(), 1e-7) << rho;
+      EXPECT_NEAR(point.chi_square, 0, 1e-9);
+    }
+  }
+}
+
+/// Means over draws of calibration and noise of the rig's points at some distances.
+struct Draws {
+  double points = 0, length = 0, rays = 0, rho_held = 0;  // mean squares by their expectation
+  int count = 0;
+};
+
+Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, int draws) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig(options), {});
+  Random random(7);
+  Draws sums;
+  for (int i = 0; i < draws; ++i) {
+    Eigen::VectorXd drawn(rig.root.cols());
+    for (Eigen::Index k = 0; k < drawn.size(); ++k) drawn[k] = random.Gaussian(1);
+    const std::vector<BundleCamera> truth = Moved(rig, rig.root * drawn);
+    std::vector<SpacePoint> points;
+    std::vector<Eigen::Vector3d> at;
+    for (const double distance : distances) {
+      at.push_back(distance * Eigen::Vector3d(0.05, 0.08 - 0.03 * distance / 10, 1));
+      points.push_back(FitPoint(rig, Seen(truth, at.back(), 1, options.common_noise, &random)));
+      if (!points.back().IsFound()) return sums;
+    }
+    // All points together, with the covariance that they share.
+    const auto n = static_cast<Eigen::Index>(3 * points.size());
+    Eigen::VectorXd error(n);
+    Eigen::MatrixXd root(n, rig.root.cols()), covariance = Eigen::MatrixXd::Zero(n, n);
+    double held = 0;
+    for (size_t k = 0; k < points.size(); ++k) {
+      const auto row = static_cast<Eigen::Index>(3 * k);
+      error.segment<3>(row) = points[k].position - at[k];
+      root.middleRows(row, 3) = points[k].shared;
+      covariance.block<3, 3>(row, row) = points[k].noise;
+      const double rho = 1 / (at[k] - points[k].o).norm();
+      held += std::pow((points[k].rho - rho) / points[k].sigma_rho, 2);
+    }
+    covariance += root * root.transpose();
+    sums.points += error.dot(covariance.inverse() * error) / static_cast<double>(n);
+    sums.rho_held += held / static_cast<double>(points.size());
+    const Measured length = LengthOf(points[0], points[1]);
+    sums.length += std::pow((length.value - (at[0] - at[1]).norm()) / length.Sigma(), 2);
+    const RaysTest test = RaysMeet(points);
+    sums.rays += test.chi_square / test.degrees;
+    ++sums.count;
+  }
+  for (double* sum : {&sums.points, &sums.length, &sums.rays, &sums.rho_held}) {
+    *sum /= sums.count;
+  }
+  return sums;
+}
+
+/// Inside 99.9 % of means of `count` squares with `degrees`.
+void ExpectOne(double mean, int count, int degrees, const char* what) {
+  const double n = count * degrees;
+  EXPECT_GT(mean, ChiSquareQuantile(n, 0.9995) / n) << what;
+  EXPECT_LT(mean, ChiSquareQuantile(n, 0.0005) / n) << what;
+}
+
+void ExpectTrue(const RigOptions& options, const std::vector<double>& distances) {
+  constexpr int kDraws = 300;
+  const Draws means = DrawMany(options, distances, kDraws);
+  ASSERT_EQ(means.count, kDraws);
+  ExpectOne(means.points, kDraws, 3 * static_cast<int>(distances.size()), "points");
+  ExpectOne(means.length, kDraws, 1, "length");
+  // Those of one calibration are alike: counted once a draw.
+  ExpectOne(means.rho_held, kDraws, 1, "inverse distance");
+  ExpectOne(means.rays, kDraws, 1, "rays");
+}
+
+TEST(PointFit, StandardErrorsHoldForAPair) { ExpectTrue({}, {1, 1.3, 2}); }
+
+TEST(PointFit, StandardErrorsHoldWhereTheCalibrationDecides) {
+  ExpectTrue({.calibration = 5}, {0.8, 1.5, 2});
+}
+
+TEST(PointFit, StandardErrorsHoldForFisheyes) {
+  ExpectTrue({.models = {"kannala-brandt4", "pinhole-radial3", "kannala-brandt4"}}, {0.7, 1, 2});
+}
+
+TEST(PointFit, StandardErrorsHoldForAPlenopticCamera) {
+  ExpectTrue({.models = {"focused-plenoptic"}, .calibration = 0.1, .common_noise = 0.04},
+             {0.8, 1, 1.2});
+}
+
+TEST(PointFit, StandardErrorsHoldForAPlenopticCameraOnARig) {
+  ExpectTrue({.models = {"pinhole-radial3", "focused-plenoptic"}, .common_noise = 0.04},
+             {0.8, 1, 1.2});
+}
+
+TEST(PointFit, IntervalsOfFarPointsHoldInInverseDistance) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 0.1}), {});
+  Random random(11);
+  const Eigen::Vector3d X(12, 6, 400);
+  int held = 0, open = 0;
+  constexpr int kDraws = 400;
+  for (int i = 0; i < kDraws; ++i) {
+    Eigen::VectorXd drawn(rig.root.cols());
+    for (Eigen::Index k = 0; k < drawn.size(); ++k) drawn[k] = random.Gaussian(1);
+    const SpacePoint point = FitPoint(rig, Seen(Moved(rig, rig.root * drawn), X, 1, 0, &random));
+    ASSERT_TRUE(point.IsFound()) << point.reason;
+    const DistanceInterval interval = DistanceOf(point, 1.96);
+    const double distance = (X - point.o).norm();
+    held += interval.nearest <= distance && distance <= interval.farthest ? 1 : 0;
+    open += std::isinf(interval.farthest) ? 1 : 0;
+  }
+  // 380 of 400 by chance, within 3.5 standard deviations of a binomial number.
+  EXPECT_NEAR(held, 0.95 * kDraws, 3.5 * std::sqrt(kDraws * 0.95 * 0.05));
+  EXPECT_GT(open, 0);
+  EXPECT_LT(open, kDraws);
+}
+
+// The motion of the calibration's points for an error of theta, from their images alone.
+Vector6d FollowedBy(const SpaceRig& rig,
+                    const CalibrationRecord& record,
+                    const std::vector<BundleCamera>& moved) {
+  const auto image = [](const BundleCamera& camera, const Eigen::Vector3d& X) {
+    std::array<double, kMaxObservationSize> values{};
+    EXPECT_TRUE(ImageOf(camera, X, 1, values.data()));
+    return Eigen::Vector2d(values[0], values[1]);
+  };
+  std::vector<double> change;
+  std::vector<Vector6d> by_motion;
+  for (size_t c = 0; c < moved.size(); ++c) {
+    for (const auto& [number, marker] : record.markers) {
+      const Eigen::Vector3d& X = marker.position;
+      const Eigen::Vector2d d = image(moved[c], X) - image(rig.cameras[c], X);
+      Eigen::Matrix<double, 2, 6> A;
+      for (int i = 0; i < 6; ++i) {
+        constexpr double kStep = 1e-6;
+        const RigidTransform T = Exp(Vector6d(kStep * Vector6d::Unit(i)));
+        A.col(i) = (image(rig.cameras[c], T * X) - image(rig.cameras[c], X)) / kStep;
+      }
+      for (int k = 0; k < 2; ++k) {
+        change.push_back(d[k]);
+        by_motion.emplace_back(A.row(k));
+      }
+    }
+  }
+  Eigen::MatrixXd A(change.size(), 6);
+  for (size_t i = 0; i < change.size(); ++i) A.row(static_cast<Eigen::Index>(i)) = by_motion[i];
+  const Eigen::Map<Eigen::VectorXd> d(change.data(), A.rows());
+  return A.colPivHouseholderQr().solve(-d);
+}
+
+TEST(PointFit, InTheHousingsFrameTheCalibrationsPointsHold) {
+  CalibrationRecord record = UncertainRig({});
+  record.frames.push_back({"0", {}});
+  for (int i = 0; i < 40; ++i) {
+    record.markers[i].position = {0.05 * (i % 8) - 0.2, 0.05 * (i / 8) - 0.1, 0.7 + 0.02 * (i % 7)};
+    for (CalibratedCamera& camera : record.cameras) {
+      camera.residuals.push_back({.frame = 0, .marker = i, .noise_sigma = kNoise});
+    }
+  }
+  const SpaceRig rig = MakeSpaceRig(record, {});
+  Random random(2);
+  Eigen::VectorXd drawn(rig.root.cols());
+  for (Eigen::Index k = 0; k < drawn.size(); ++k) drawn[k] = random.Gaussian(0.1);
+  const Eigen::VectorXd theta = rig.root * drawn;
+  const std::vector<BundleCamera> moved = Moved(rig, theta);
+  const Vector6d followed = FollowedBy(rig, record, moved);
+  EXPECT_LT((rig.follow * theta - followed).norm(), 1e-2 * followed.norm());
+
+  // The calibration is `rig`, the truth is `moved`: a point's error less that of its neighbours.
+  const Eigen::Vector3d X(0.02, -0.03, 1.2);
+  std::vector<SpaceObservation> seen(2);
+  for (size_t c = 0; c < 2; ++c) {
+    seen[c] = {.camera = c, .sigma = kNoise};
+    ASSERT_TRUE(ImageOf(moved[c], X, 1, seen[c].values.data()));
+  }
+  const SpacePoint in_rig = FitPoint(rig, seen), held = FitPoint(rig, seen, SpaceFrame::kHousing);
+  const Eigen::Vector3d error = in_rig.position - X;
+  const Eigen::Vector3d motion = followed.head<3>() + Eigen::Vector3d(followed.tail<3>()).cross(X);
+  // The truth is at theta, the calibration at zero: errors are those of -theta.
+  EXPECT_LT((in_rig.shared * drawn + error).norm(), 2e-2 * error.norm());
+  EXPECT_LT((held.shared * drawn + error + motion).norm(), 2e-2 * error.norm());
+}
+
+TEST(PointFit, StatesWhyThereIsNoPoint) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig({}), {});
+  SpaceObservation left{.camera = 0, .values = {300, 200}, .sigma = kNoise};
+  EXPECT_THAT(FitPoint(rig, {&left, 1}).reason, ::testing::HasSubstr("one ray"));
+  const std::vector<SpaceObservation> twice{left, left};
+  EXPECT_THAT(FitPoint(rig, twice).reason, ::testing::HasSubstr("no parallax"));
+}
+
+TEST(RaysMeet, NamesAnErrorThatAllPointsShareAndNoSinglePointShows) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 0.1}), {});
+  std::vector<BundleCamera> shifted = rig.cameras;
+  shifted[1].params[3] += 0.1;  // c_y: rays pass each other
+  Random random(3);
+  std::vector<SpacePoint> points;
+  int alone = 0;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d X(random.Uniform(-0.3, 0.3), random.Uniform(-0.2, 0.2), 1.5);
+    points.push_back(FitPoint(rig, Seen(shifted, X, 1, 0, &random)));
+    alone += points.back().probability < 5e-4 ? 1 : 0;
+  }
+  EXPECT_LT(alone, 40);
+  EXPECT_LT(RaysMeet(points).probability, 1e-9);
+}
+
+TEST(Measures, AngleAndPlaneHaveTheStandardErrorsOfTheirDerivatives) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 3}), {});
+  Random random(5);
+  double angles = 0, planes = 0;
+  constexpr int kDraws = 300;
+  const std::vector<Eigen::Vector3d> at{
+      {-0.2, -0.1, 1}, {0.2, -0.1, 1.1}, {0.2, 0.15, 1.2}, {-0.2, 0.15, 1.1}, {0, 0.025, 1.1}};
+  const double angle = std::acos((at[0] - at[1]).normalized().dot((at[2] - at[1]).normalized()));
+  for (int i = 0; i < kDraws; ++i) {
+    Eigen::VectorXd drawn(rig.root.cols());
+    for (Eigen::Index k = 0; k < drawn.size(); ++k) drawn[k] = random.Gaussian(1);
+    const std::vector<BundleCamera> truth = Moved(rig, rig.root * drawn);
+    std::vector<SpacePoint> points;
+    for (const Eigen::Vector3d& X : at)
+      points.push_back(FitPoint(rig, Seen(truth, X, 1, 0, &random)));
+    const Measured found = AngleOf(points[0], points[1], points[2]);
+    angles += std::pow((found.value - angle) / found.Sigma(), 2) / kDraws;
+    const MeasuredPlane plane = PlaneOf(points);
+    ASSERT_EQ(plane.degrees, 2);
+    planes += plane.chi_square / 2 / kDraws;
+  }
+  ExpectOne(angles, kDraws, 1, "angle");
+  ExpectOne(planes, kDraws, 2, "plane");
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal
