@@ -108,9 +108,12 @@ class Trials {
   }
 
  private:
-  void Stage(const std::string& stage) {
+  // `done`: calibrations that have ended since the last call.
+  void Stage(const std::string& stage, size_t done = 0) {
     const std::lock_guard lock(mutex_);
-    if (options_.progress && !options_.progress(stage)) throw Stopped();
+    done_ += done;
+    const size_t all = candidates_.size() * (1 + choice_.folds);
+    if (options_.progress && !options_.progress(stage, done_, all)) throw Stopped();
   }
 
   // All observations of varied cameras, in the order of their frames.
@@ -158,6 +161,7 @@ class Trials {
                                                Stage(stage);
                                                return true;
                                              }});
+      Stage(stage, 1);
     } catch (const Error& error) {
       trial->failure = error.what();
       return;
@@ -202,6 +206,7 @@ class Trials {
                        return true;
                      }});
       if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
+      Stage(stage, 1);
     } catch (const Error& error) {
       return fmt::format("without fold {}: {}", fold + 1, error.what());
     }
@@ -558,6 +563,7 @@ class Trials {
   std::optional<HeldOutScores> scores_;
   bool scored_ = false;  // `comparable` of the trials is set
   std::mutex mutex_;
+  size_t done_ = 0;  // calibrations
 };
 
 }  // namespace

@@ -21,8 +21,9 @@ inline constexpr size_t kFewestTrialFrames = 4;
 struct TrialOptions {
   int folds = 5;    ///< at most; as many as there are frames when these are fewer
   int threads = 0;  ///< 0: all cores
-  /// Called with the present stage, one call at a time; false stops (`Stopped` is thrown).
-  std::function<bool(const std::string& stage)> progress;
+  /// Called with the present stage and how many of all calibrations are done, one call at a time;
+  /// false stops (`Stopped` is thrown).
+  std::function<bool(const std::string& stage, size_t done, size_t total)> progress;
 };
 
 /// A point of a held-out frame with its residual under a model that was calibrated without it.

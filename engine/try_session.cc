@@ -194,10 +194,11 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
       CollectObservations(session, target, run, {trial.folders->cache(), nullptr});
   WarnOfSettings(session, varied, run);
   const CalibrationInput input = MakeCalibrationInput(session, target, observations.cameras, run);
-  const TrialOptions options{
-      .folds = request.folds, .threads = run.threads, .progress = [&](const std::string& stage) {
-        return run.Progress(stage);
-      }};
+  const TrialOptions options{.folds = request.folds,
+                             .threads = run.threads,
+                             .progress = [&](const std::string& stage, size_t done, size_t total) {
+                               return run.Progress(stage, done, total);
+                             }};
   const bool is_open = session.auto_refine && !target.tolerance;
   ModelAndTarget tried =
       TryModelsAndTarget(input,

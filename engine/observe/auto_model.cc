@@ -63,14 +63,16 @@ void ChooseParts(const Target& target,
   for (size_t c = 0; open.empty() && c < cameras.size(); ++c) {
     if (cameras[c].model == cameras[0].model) varied.push_back(c);
   }
-  const ModelAndTarget tried = TryModelsAndTarget(
-      MakeCalibrationInput(*session, target, cameras, {}),
-      varied,
-      open.empty() ? std::vector<const CameraModel*>() : CommonModels(),
-      RefinedMarkerFreedom(target),
-      session->auto_refine ? TargetQuestion::kChoose : TargetQuestion::kNone,
-      {.threads = run.threads,
-       .progress = [&](const std::string& stage) { return run.Progress(stage); }});
+  const ModelAndTarget tried =
+      TryModelsAndTarget(MakeCalibrationInput(*session, target, cameras, {}),
+                         varied,
+                         open.empty() ? std::vector<const CameraModel*>() : CommonModels(),
+                         RefinedMarkerFreedom(target),
+                         session->auto_refine ? TargetQuestion::kChoose : TargetQuestion::kNone,
+                         {.threads = run.threads,
+                          .progress = [&](const std::string& stage, size_t done, size_t total) {
+                            return run.Progress(stage, done, total);
+                          }});
   std::vector<std::string> reasons;
   if (!open.empty()) {
     const ModelTrial& chosen = tried.models.trials[tried.models.recommended];

@@ -209,7 +209,7 @@ TEST(TryModels, NeedFramesToHoldOut) {
 TEST(TryModels, StopWhenTheCallerAsks) {
   const SyntheticProblem problem = MakeProblem(5, {.frames = 8, .noise = kNoise});
   TrialOptions options;
-  options.progress = [](const std::string&) { return false; };
+  options.progress = [](const std::string&, size_t, size_t) { return false; };
   EXPECT_THROW(TryModels(problem.input, {0}, Models({"pinhole"}), options), Stopped);
 }
 

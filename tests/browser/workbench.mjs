@@ -86,8 +86,8 @@ async function folderToResult(page, steps) {
 
 async function addImages(page, steps) {
   steps("images are added to a camera of the session, also while a job runs; one of the same name is refused");
-  const added = join(folder, "new.jpg");
-  cpSync(join(images, "right01.jpg"), added);
+  const added = join(folder, "new.pgm");
+  writeFileSync(added, Buffer.concat([Buffer.from("P5 640 480 255\n"), Buffer.alloc(640 * 480, 128)]));
   await page.getByRole("button", { name: "Set up", exact: true }).click();
   await page.getByRole("button", { name: "Detect only" }).click();
   await page.getByRole("button", { name: "Images", exact: true }).click();
@@ -97,10 +97,21 @@ async function addImages(page, steps) {
   await page.getByText("left/left01.jpg: is there already").waitFor();
   await page.getByRole("heading", { name: "left: 14 images" }).waitFor({ timeout: kPatience });
   await look(page, "added");
-  assert.deepEqual(readFileSync(join(folder, "left/new.jpg")), readFileSync(added));
-  rmSync(join(folder, "left/new.jpg"));
+  assert.deepEqual(readFileSync(join(folder, "left/new.pgm")), readFileSync(added));
   assert.deepEqual(problems.splice(0).filter((line) => !/400/.test(line)), []);
   await page.locator("footer [data-job=done]").waitFor({ timeout: kPatience });
+
+  steps("an image without the target is shown with the reason");
+  await page.getByRole("button", { name: "Set up", exact: true }).click();
+  await page.getByRole("button", { name: "Detect only" }).click();
+  await page.getByRole("button", { name: "Images", exact: true }).click();
+  await page.getByText("14 images looked at, target found in 13").waitFor({ timeout: kPatience });
+  await page.getByRole("button", { name: "left new" }).click();
+  await page.locator("[data-shown='left/new'] canvas[data-loaded=yes]").waitFor({ timeout: kPatience });
+  assert.ok((await page.locator("[data-shown] p.problem").textContent()).length > 5);
+  await look(page, "refused");
+  await page.getByRole("button", { name: "all images" }).click();
+  rmSync(join(folder, "left/new.pgm"));
   await page.getByRole("button", { name: "Results", exact: true }).click();
 }
 
@@ -265,6 +276,13 @@ async function inSpace(page, steps) {
   await page.locator("[data-ghosts='5']").waitFor({ timeout: kPatience });
   await page.getByLabel("displacement").selectOption("100");
   await look(page, "space");
+  const scale = () => canvas.getAttribute("data-scale");
+  const before = await scale();
+  assert.match(before, /^\d+ (m|mm)$/);
+  for (let i = 0; i < 4; ++i) await page.getByRole("button", { name: "nearer" }).click();
+  await until(async () => (await scale()) !== before);
+  await page.getByRole("button", { name: "names" }).click();
+  await page.getByRole("button", { name: "front" }).click();
   const box = await canvas.boundingBox();
   let name = "";
   for (let y = 0.1; y < 0.95 && !name; y += 0.03) {

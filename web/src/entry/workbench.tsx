@@ -42,7 +42,7 @@ function JobStrip() {
   return (
     <footer>
       <span aria-live="polite" data-job={job.state}>
-        {job.kind} {job.state} {job.state === "running" ? (job.stage ?? "") : ""} {job.state === "running" ? part : ""}
+        {job.kind === "init" ? "propose" : job.kind} {job.state} {job.state === "running" ? (job.stage ?? "") : ""} {job.state === "running" ? part : ""}
       </span>
       {job.state === "running" && <progress max={job.total || 1} {...(job.total ? { value: job.done ?? 0 } : {})} />}
       {activeJob.value && <button onClick={() => attempt(() => ask("DELETE", `/api/jobs/${job.id}`))}>stop</button>}

@@ -31,7 +31,7 @@ export function useSceneCanvas(element: RefObject<HTMLCanvasElement>, shown: Omi
   const waiting = useRef({ frame: 0, rest: 0 });
   const latest = useRef(shown);
   latest.current = shown;
-  const { world, cameras, ghosts, displacements, magnify, rms, pose, hover } = shown;
+  const { world, cameras, ghosts, displacements, magnify, rms, pose, hover, named } = shown;
 
   const fit = (side: Side): void => {
     const canvas = element.current;
@@ -80,7 +80,7 @@ export function useSceneCanvas(element: RefObject<HTMLCanvasElement>, shown: Omi
   useLayoutEffect(() => {
     turn.current = null;
   }, [world]);
-  useLayoutEffect(() => draw(), [world, ghosts, displacements, magnify, rms, pose, hover]);
+  useLayoutEffect(() => draw(), [world, ghosts, displacements, magnify, rms, pose, hover, named]);
 
   return {
     view: (side) => {

@@ -49,9 +49,33 @@ export interface World {
   middle: Vector;
   radius: number;
   markers: Vector[];
+  /** Corners around the markers of a flat target; none of others. */
+  outline: Vector[];
   axes: number;
   /** By pose and camera, five points each. */
   pyramids: Vector[][][];
+}
+
+const kFlat = 0.02; // of the extent, for a board that is bent
+
+/** The convex hull of points in the plane z = 0, or near it; nothing where they lie elsewhere. */
+export function outlineOf(points: Vector[]): Vector[] {
+  const { radius } = extentOf(points);
+  if (points.length < 3 || points.some(([, , z]) => Math.abs(z) > kFlat * radius)) return [];
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const side = (all: Vector[]): Vector[] => {
+    const chain: Vector[] = [];
+    for (const p of all) {
+      for (;;) {
+        const [a, b] = chain.slice(-2);
+        if (!a || !b || (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
+        chain.pop();
+      }
+      chain.push(p);
+    }
+    return chain.slice(0, -1);
+  };
+  return [...side(sorted), ...side(sorted.reverse())];
 }
 
 const kStill: Transform = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
@@ -68,7 +92,7 @@ function worldOf(markers: Vector[], cameras: SceneCamera[], poses: Transform[], 
   const { middle, radius } = extentOf([...markers, ...centres]);
   const size = part * radius;
   const rig = cameras.map((camera) => pyramidOf(camera.image_size, size).map((p) => apply(camera.T_rig_camera, p)));
-  return { middle, radius, markers, axes: 4 * size, pyramids: poses.map((T) => rig.map((points) => points.map((p) => apply(T, p)))) };
+  return { middle, radius, markers, outline: outlineOf(markers), axes: 4 * size, pyramids: poses.map((T) => rig.map((points) => points.map((p) => apply(T, p)))) };
 }
 
 export const wholeWorld = (markers: Vector[], cameras: SceneCamera[], frames: ScenePose[]): World =>

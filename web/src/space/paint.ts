@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene on a 2D canvas, which also works where there is no WebGL.
+import { brief } from "../base/numbers";
 import { lineRamp, seriesName, styled } from "../plot/colours";
 import { apply, projectionOf, pyramidOf } from "./geometry";
 import type { Ghost, Projection, SceneCamera, Turn, Vector, World } from "./geometry";
@@ -7,8 +8,9 @@ import type { Ghost, Projection, SceneCamera, Turn, Vector, World } from "./geom
 export interface Shown {
   world: World;
   cameras: SceneCamera[];
-  /** Of the rig alone the cameras' names stand beside them. */
-  named: boolean;
+  /** What stands beside the optical centres: the cameras' names, of the rig alone; or those of the frames. */
+  named: "cameras" | "frames" | null;
+  frames: string[];
   ghosts: Ghost[];
   /** Of the markers, from their nominal positions, m; drawn `magnify` times as long. */
   displacements: Vector[];
@@ -105,6 +107,38 @@ function paintGhosts(canvas: CanvasRenderingContext2D, { ghosts, world, cameras 
   canvas.restore();
 }
 
+/** Around the markers of a flat target. */
+function paintOutline(canvas: CanvasRenderingContext2D, outline: Vector[], project: Projection): void {
+  canvas.beginPath();
+  for (const corner of outline) canvas.lineTo(...project(corner));
+  canvas.closePath();
+  canvas.strokeStyle = styled("--quiet");
+  canvas.lineWidth = 1;
+  canvas.stroke();
+}
+
+const kBar = 140; // px, at most
+
+/** A bar of a round length, at the distance of the scene's middle. Returns its words. */
+function paintScale(canvas: CanvasRenderingContext2D, pixelsPerMetre: number, height: number): string {
+  const power = 10 ** Math.floor(Math.log10(kBar / pixelsPerMetre));
+  const length = ([5, 2].find((step) => step * power * pixelsPerMetre <= kBar) ?? 1) * power;
+  const words = length >= 1 ? `${brief(length)} m` : `${brief(1e3 * length)} mm`;
+  const [left, right, y] = [12, 12 + length * pixelsPerMetre, height - 12];
+  canvas.strokeStyle = canvas.fillStyle = styled("--text");
+  canvas.lineWidth = 1.5;
+  canvas.beginPath();
+  for (const x of [left, right]) {
+    canvas.moveTo(x, y - 4);
+    canvas.lineTo(x, y + 4);
+  }
+  canvas.moveTo(left, y);
+  canvas.lineTo(right, y);
+  canvas.stroke();
+  canvas.fillText(words, left + 4, y - 6);
+  return words;
+}
+
 /** From where each marker should be. */
 function paintDisplacements(canvas: CanvasRenderingContext2D, { world, displacements, magnify }: Shown, project: Projection): void {
   if (magnify === 0) return;
@@ -136,6 +170,7 @@ export function paintScene(element: HTMLCanvasElement, shown: Shown): Place[] {
     const [x, y] = project(marker);
     canvas.fillRect(x - 1, y - 1, 2, 2);
   }
+  paintOutline(canvas, world.outline, project);
   paintDisplacements(canvas, shown, project);
   paintAxes(canvas, world.axes, project);
   const all = world.pyramids.map((_, i) => i).filter((i) => i % every === 0);
@@ -146,10 +181,13 @@ export function paintScene(element: HTMLCanvasElement, shown: Shown): Place[] {
   canvas.lineWidth = 2;
   if (pose >= 0) paintPoses(canvas, shown, [pose], project);
   paintGhosts(canvas, shown, project);
-  if (shown.named) {
-    canvas.fillStyle = styled("--text");
-    for (const { camera, x, y } of places) canvas.fillText(shown.cameras[camera]?.name ?? "", x + 6, y + 14);
+  const { named } = shown;
+  canvas.fillStyle = styled(named === "cameras" ? "--text" : "--quiet");
+  for (const { pose, camera, x, y } of named ? places : []) {
+    if (named === "cameras") canvas.fillText(shown.cameras[camera]?.name ?? "", x + 6, y + 14);
+    else if (camera === 0) canvas.fillText(shown.frames[pose] ?? "", x + 6, y + 4);
   }
+  element.dataset.scale = paintScale(canvas, ((0.5 * Math.min(width, height)) / world.radius) * shown.turn.zoom, height);
   const at = hover && places.find((place) => place.pose === hover.pose && place.camera === hover.camera);
   if (at) {
     canvas.strokeStyle = styled("--accent");

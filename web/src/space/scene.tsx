@@ -30,6 +30,7 @@ interface SceneLook {
 
 const kNoGhosts: Ghost[] = [];
 const kNoVectors: Vector[] = [];
+const kMostNames = 30; // of more, names hide the scene
 const kMagnify = [0, 10, 100, 1000];
 const kSides: [string, Side][] = [
   ["front", { yaw: 0, pitch: 0 }],
@@ -77,6 +78,7 @@ function Views({ canvas, toggles }: { canvas: SceneCanvas; toggles: Toggle[] }) 
 export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = kNoGhosts, displacements = kNoVectors, onOpen, wheel }: SceneLook) {
   const element = useRef<HTMLCanvasElement>(null);
   const [alone, setAlone] = useState(false);
+  const [named, setNamed] = useState(frames.length <= kMostNames);
   const [coloured, setColoured] = useState(byRms);
   const [pose, setPose] = useState(-1);
   const [magnify, setMagnify] = useState(0);
@@ -88,10 +90,12 @@ export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = k
     const table = frames.map((frame) => cameras.map((camera) => rms(camera.name, frame.name)));
     return (i: number, camera: number): number | null => table[i]?.[camera] ?? null;
   }, [coloured, rms, alone, frames, cameras]);
+  const names = useMemo(() => frames.map(({ name }) => name), [frames]);
   const canvas = useSceneCanvas(element, {
     world,
     cameras,
-    named: alone,
+    named: alone ? "cameras" : named ? "frames" : null,
+    frames: names,
     ghosts: alone ? kNoGhosts : ghosts,
     displacements: alone ? kNoVectors : displacements,
     magnify,
@@ -128,6 +132,7 @@ export function Scene({ markers, cameras, frames, rms, byRms = false, ghosts = k
   };
   const toggles = [
     { name: "rig", title: "the rig alone, or with the target", on: alone, set: setAlone, use: cameras.length > 1 },
+    { name: "names", title: "names of the frames", on: named, set: setNamed, use: !alone },
     { name: "RMS", title: "colour: RMS of the frame, or the camera", on: coloured, set: setColoured, use: rms !== undefined },
   ];
   return (

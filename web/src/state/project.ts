@@ -72,18 +72,19 @@ export async function loadRun(): Promise<void> {
   run.value = resultOf(await ask<Run>("GET", `/api/runs/${number}`));
 }
 
-let loading: Promise<void> = Promise.resolve();
-/** One after the other, so that no older answer comes last. */
-export function loadState(): Promise<void> {
-  loading = loading
-    .catch(() => {})
-    .then(async () => {
-      project.value = await ask<State>("GET", "/api/state");
-      await loadSession();
-      await loadRun();
-    });
-  return loading;
+let turn: Promise<void> = Promise.resolve();
+/** Requests that answer with the session: one after the other, so that no older answer comes last. */
+function inTurn(work: () => Promise<void>): Promise<void> {
+  turn = turn.catch(() => {}).then(work);
+  return turn;
 }
+
+export const loadState = (): Promise<void> =>
+  inTurn(async () => {
+    project.value = await ask<State>("GET", "/api/state");
+    await loadSession();
+    await loadRun();
+  });
 
 function onJob(job: Job): void {
   const state = project.value;
@@ -134,15 +135,18 @@ export const addJob = (kind: string): Promise<void> =>
     await ask("POST", "/api/jobs", { kind });
   });
 
-const change = (path: string, body: unknown): Promise<void> =>
-  attempt(async () => {
-    session.value = await ask<Session>("POST", path, body);
-    project.value = await ask<State>("GET", "/api/state");
-  });
-export const exclude = (rule: Partial<Rule>): Promise<void> => change("/api/session/exclude", rule);
-export const include = (rule: Partial<Rule>): Promise<void> => change("/api/session/include", rule);
-export const undo = (): Promise<void> => change("/api/session/undo", {});
-export const redo = (): Promise<void> => change("/api/session/redo", {});
+/** `hash`: of the text that is replaced; "": any. */
+export const changeSession = (method: string, path: string, body: unknown, hash = ""): Promise<void> =>
+  attempt(() =>
+    inTurn(async () => {
+      session.value = await ask<Session>(method, path, body, hash);
+      project.value = await ask<State>("GET", "/api/state");
+    }),
+  );
+export const exclude = (rule: Partial<Rule>): Promise<void> => changeSession("POST", "/api/session/exclude", rule);
+export const include = (rule: Partial<Rule>): Promise<void> => changeSession("POST", "/api/session/include", rule);
+export const undo = (): Promise<void> => changeSession("POST", "/api/session/undo", {});
+export const redo = (): Promise<void> => changeSession("POST", "/api/session/redo", {});
 
 /** The rule that leaves out a whole image, if there is one that says just this. */
 export function ruleOf(camera: string, frame: string): Rule | undefined {

@@ -10,6 +10,7 @@ import { rawPixelsOf } from "../image/lenses";
 import { MicroImages } from "../image/micro_images";
 import { Plane } from "../image/plane";
 import { useImage } from "../parts/picture";
+import { wordsOfFrame } from "../state/frame_words";
 import { attempt, exclude, include, pointRulesOf, ruleOf, session } from "../state/project";
 import { Straight } from "./straight";
 import { VirtualImage } from "./virtual_image";
@@ -93,7 +94,7 @@ export function Frame(chosen: Chosen) {
         {camera.name} / {frame}
       </h2>
       <p>
-        {result ? `${result.points} points used, ${result.rejected} rejected, RMS ${result.rms?.toFixed(3) ?? "-"} px` : "no points in this run"}
+        {result ? `${result.points} points used, ${result.rejected} rejected, RMS ${result.rms?.toFixed(3) ?? "-"} px` : wordsOfFrame(camera.name, frame).text}
       </p>
       <Plane
         name={`${camera.name} ${frame}`}

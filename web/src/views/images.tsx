@@ -1,24 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-// All images with what was found in them, while it is found.
-import { Thumb } from "../parts/picture";
+// All images with what was found in them, while it is found; one that is in no result is shown with the reason.
+import { imagePath } from "../api/client";
+import { Plane } from "../image/plane";
+import { Thumb, useImage } from "../parts/picture";
 import { Upload } from "../parts/upload";
-import { attempt, detections, go, loadState, run, ruleOf, session } from "../state/project";
+import { wordsOfFrame } from "../state/frame_words";
+import { attempt, detections, go, loadState, place, run, session } from "../state/project";
 
-function words(camera: string, frame: string): { text: string; bad: boolean } {
-  const rule = ruleOf(camera, frame);
-  if (rule) return { text: rule.note ? `excluded: ${rule.note}` : "excluded", bad: true };
-  const found = detections.value[`${camera}/${frame}`];
-  if (found) return { text: found.points > 0 ? `${found.points} points` : found.why || "no target", bad: found.points === 0 };
-  const result = run.value?.cameras.find((each) => each.name === camera)?.frames.find((each) => each.frame === frame);
-  if (result) return { text: `${result.points} points, ${result.rms?.toFixed(2) ?? "-"} px`, bad: false };
-  // Lines of left_out begin with the file.
-  const why = run.value?.left_out.find((line) => line.includes(`/${frame}.`) || line.includes(`frame ${frame}:`));
-  return why ? { text: why.slice(why.indexOf(": ") + 2), bad: true } : { text: "not looked at yet", bad: false };
+const inRun = (camera: string, frame: string): boolean =>
+  run.value?.cameras.find((each) => each.name === camera)?.frames.some((each) => each.frame === frame) ?? false;
+
+function Refused({ camera, frame }: { camera: string; frame: string }) {
+  const picture = useImage(imagePath(camera, frame, 0));
+  const { text, bad } = wordsOfFrame(camera, frame);
+  return (
+    <section data-shown={`${camera}/${frame}`}>
+      <div class="row">
+        <button onClick={() => go("images")}>all images</button>
+        <h2>
+          {camera} / {frame}
+        </h2>
+      </div>
+      <p class={bad ? "problem" : ""}>{text}</p>
+      {picture && <Plane name={`${camera} ${frame}`} picture={picture} size={[picture.naturalWidth, picture.naturalHeight]} />}
+    </section>
+  );
 }
 
 export function Images() {
   const cameras = session.value?.cameras ?? [];
   if (cameras.length === 0) return <p>No session yet: go to Set up.</p>;
+  const [shownCamera, shownFrame] = place.value.parts;
+  if (shownCamera && shownFrame) return <Refused camera={shownCamera} frame={shownFrame} />;
   const found = Object.values(detections.value);
   return (
     <>
@@ -35,9 +48,9 @@ export function Images() {
           </h2>
           <div class="grid">
             {camera.frames.map((frame) => {
-              const { text, bad } = words(camera.name, frame);
+              const { text, bad } = wordsOfFrame(camera.name, frame);
               return (
-                <button key={frame} class="card" onClick={() => go("results", [camera.name, frame])}>
+                <button key={frame} class="card" onClick={() => go(inRun(camera.name, frame) ? "results" : "images", [camera.name, frame])}>
                   <Thumb camera={camera.name} frame={frame} />
                   <b>{frame}</b>
                   <span class={bad ? "bad" : ""}>{text}</span>

@@ -2,8 +2,8 @@
 // Which camera model fits best, in the words of `plenocal try`; one click takes it into the session.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { Session, Tried } from "../api/types";
-import { activeJob, addJob, attempt, lastJob, session } from "../state/project";
+import type { Tried } from "../api/types";
+import { activeJob, addJob, attempt, changeSession, lastJob, session } from "../state/project";
 
 const digits = (value: number | null | undefined): string => value?.toFixed(4) ?? "–";
 
@@ -13,10 +13,7 @@ export function Models() {
   const ended = job?.kind === "try" ? `${job.id} ${job.state}` : "";
   useEffect(() => void attempt(async () => setTried(await ask<Tried | null>("GET", "/api/try"))), [ended]);
   const now = session.value;
-  const use = (model: string) =>
-    attempt(async () => {
-      session.value = await ask<Session>("POST", "/api/session/model", { cameras: tried?.cameras ?? [], model });
-    });
+  const use = (model: string) => changeSession("POST", "/api/session/model", { cameras: tried?.cameras ?? [], model });
   const used = (model: string) => tried?.cameras.every((name) => now?.cameras.find((each) => each.name === name)?.model === model);
   return (
     <section>

@@ -7,7 +7,7 @@ import { Cameras } from "../live/cameras";
 import { Fields, labelOf } from "../parts/fields";
 import { usePicture } from "../parts/picture";
 import { Upload } from "../parts/upload";
-import { activeJob, addJob, attempt, loadState, project, redo, session, undo } from "../state/project";
+import { activeJob, addJob, attempt, changeSession, loadState, project, redo, session, undo } from "../state/project";
 
 /** Where pictures go before there is a session. */
 const kFirstCamera = [{ camera: "camera", folder: "camera" }];
@@ -161,22 +161,20 @@ export function SetUp() {
   const [unsaved, setUnsaved] = useState({ session: false, target: false });
   if (state && !state.session) return <Folder />;
   if (!now) return <p>…</p>;
-  const put = (path: string) => (text: string) =>
-    attempt(async () => {
-      session.value = await ask<Session>("PUT", path, { text }, path === "/api/session" ? now.hash : "");
-    });
   const part = (of: "session" | "target", title: string, text: string, path: string) => (
     <>
       <Fields
         fields={now.fields[of]}
-        set={({ path }, value) =>
-          attempt(async () => {
-            session.value = await ask<Session>("POST", "/api/session/field", { of, path, value });
-          })
-        }
+        set={({ path }, value) => changeSession("POST", "/api/session/field", { of, path, value })}
         locked={unsaved[of] ? "Save or revert the text, then use the fields." : ""}
       />
-      <TextEditor key={of} title={title} text={text} save={put(path)} onChanged={(changed) => setUnsaved((all) => ({ ...all, [of]: changed }))} />
+      <TextEditor
+        key={of}
+        title={title}
+        text={text}
+        save={(mine) => changeSession("PUT", path, { text: mine }, of === "session" ? now.hash : "")}
+        onChanged={(changed) => setUnsaved((all) => ({ ...all, [of]: changed }))}
+      />
     </>
   );
   const missing = [...now.fields.session, ...now.fields.target].filter(({ required, value }) => required && !value);
