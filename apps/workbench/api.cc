@@ -329,19 +329,20 @@ Answer Api::SessionAnswer(const SessionVersion& version) {
                {"fields", {{"session", Json::array()}, {"target", Json::array()}}},
                {"problem", nullptr}};
   try {
+    // What can be shown of a session that has mistakes, so that they can be mended.
     json["fields"]["session"] = SessionFields(YamlNode::Parse(version.text, "session.yaml"));
+    if (const fs::path file = TargetFile(version.text); !file.empty()) {
+      const std::string text = TextBeneath(project_->Root(), file, kMostText);
+      json["target"] = RelativeTo(project_->Root(), file).string();
+      json["target_text"] = text;
+      json["fields"]["target"] = TargetFields(YamlNode::Parse(text, file.string()));
+    }
     const Session session = ParseSession(version.text, project_->SessionFile(), CameraModels());
     for (const ExcludeRule& rule : session.exclude) {
       json["exclude"].push_back({{"camera", rule.camera},
                                  {"frame", rule.frame},
                                  {"markers", rule.markers},
                                  {"note", rule.note}});
-    }
-    if (IsBeneath(project_->Root(), session.target.file)) {
-      json["target"] = RelativeTo(project_->Root(), session.target.file).string();
-      const std::string text = TextBeneath(project_->Root(), session.target.file, kMostText);
-      json["target_text"] = text;
-      json["fields"]["target"] = TargetFields(YamlNode::Parse(text, session.target.file.string()));
     }
     json["cameras"] = CamerasJson(session);
     if (!session.scene) (void)ReadTarget(session.target);
@@ -382,9 +383,19 @@ Answer Api::SessionRequest(const Request& request) {
   return NoAnswer();
 }
 
+// The file that a session's text names as its target; empty: it names none beneath the root.
+fs::path Api::TargetFile(const std::string& text) const {
+  const auto target = YamlNode::Parse(text, "session.yaml").Find("target");
+  if (!target || !target->IsScalar()) return {};
+  const fs::path file = project_->Root() / target->AsString();
+  std::error_code error;
+  return IsBeneath(project_->Root(), file) && fs::exists(file, error) ? file : fs::path();
+}
+
 void Api::WriteTarget(const std::string& text) {
-  const Session session = project_->Parsed();
-  const fs::path file = project_->Root() / RelativeTo(project_->Root(), session.target.file);
+  const fs::path named = TargetFile(project_->ReadVersion().text);
+  if (named.empty()) throw InputError("the session names no file with its target");
+  const fs::path file = project_->Root() / RelativeTo(project_->Root(), named);
   // Read first: so it is a file beneath the root to which no link leads.
   (void)ReadBeneath(project_->Root(), file, kMostText);
   project_->WriteFile(file, text);
@@ -408,7 +419,7 @@ Answer Api::SetField(const Request& request) {
     (void)YamlNode::Parse(text, "session.yaml");
     return Changed(project_->Write(text, now.hash));
   }
-  const std::string text = TextBeneath(project_->Root(), project_->Parsed().target.file, kMostText);
+  const std::string text = TextBeneath(project_->Root(), TargetFile(now.text), kMostText);
   const bool required = field->at("required").get<bool>();
   WriteTarget(path.back() == "type"        ? WithTargetType(text, value)
               : value.empty() && !required ? WithoutKey(text, path.back())

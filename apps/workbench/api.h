@@ -43,6 +43,7 @@ class Api {
   Answer UseModel(const Request& request);
   Answer SetField(const Request& request);
   void WriteTarget(const std::string& text);
+  [[nodiscard]] std::filesystem::path TargetFile(const std::string& text) const;
   [[nodiscard]] Answer Tried() const;
   Answer AddJob(const Request& request);
   nlohmann::json AddCalibration(int run);

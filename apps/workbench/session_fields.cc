@@ -77,7 +77,7 @@ Json SessionFields(const YamlNode& session) {
     for (const Param& config : model->config) {
       AddField(camera,
                {of_camera(config.name),
-                std::string(config.name) + ", from the data sheet",
+                "value in the data sheet",
                 config.unit,
                 true},
                &fields);

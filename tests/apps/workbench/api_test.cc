@@ -298,6 +298,16 @@ TEST_F(ApiOfAFolder, ChangesValuesByFields) {
   EXPECT_EQ(target(), with);
   EXPECT_EQ(set("target", {"type"}, "circles").status, 200);
   EXPECT_EQ(target(), "plenocal: 1\ntype: circles\ncolumns: 9\nrows: 6\n");
+
+  // A session with a mistake of its own.
+  Write("root/session.yaml",
+        "plenocal: 1\ntarget: target.yaml\ncameras:\n  raw:\n    model: focused-plenoptic\n"
+        "    pixel_size:  # state it\n    images: left/\n");
+  EXPECT_EQ(Json::parse(Ask("GET", {"session"}).body)["fields"]["session"][1]["value"], "");
+  EXPECT_EQ(set("target", {"spacing"}, "2 cm").status, 200);
+  EXPECT_THAT(target(), HasSubstr("spacing: 2 cm\n"));
+  EXPECT_EQ(set("session", {"cameras", "raw", "pixel_size"}, "5.5 um").status, 200);
+  EXPECT_THAT(Session(), HasSubstr("    pixel_size: 5.5 um  # state it\n"));
 }
 
 TEST_F(ApiOfAFolder, WeighsPicturesOfTheStatedSizesAlone) {

@@ -3,7 +3,7 @@
 import { useEffect, useId, useState } from "preact/hooks";
 import type { Field } from "../api/types";
 
-const kUnits = ["mm", "cm", "m", "in"];
+const kUnits = ["mm", "cm", "m", "in", "um"];
 
 interface Input {
   id: string;
@@ -19,14 +19,15 @@ function useTyped(value: string): [string, (typed: string) => void] {
   return [typed, setTyped];
 }
 
-/** "25 mm" -> 25, mm. A length without a unit is in metres, as in the file; words have none. */
-function lengthParts(value: string): [string, string] {
-  const [, number, unit] = /^([-+\d.eE]+)\s*(mm|cm|m|in)?$/.exec(value) ?? [];
-  return number === undefined ? [value, kUnits[0]!] : [number, unit ?? "m"];
+/** "25 mm" -> 25, mm. A length without a unit is in metres, as in the file; words, and what is missing, have none. */
+function lengthParts({ value, path }: Field): [string, string] {
+  const usual = path.length === 1 ? "mm" : "um"; // of a target, of a pixel
+  const [, number, unit] = /^([-+\d.eE]+)\s*(mm|cm|m|in|um)?$/.exec(value) ?? [];
+  return number === undefined ? [value, usual] : [number, unit ?? "m"];
 }
 
 function Length({ id, field, set, disabled }: Input) {
-  const [number, unit] = lengthParts(field.value);
+  const [number, unit] = lengthParts(field);
   const [typed, setTyped] = useTyped(number);
   const [chosen, setChosen] = useTyped(unit);
   const put = (text: string, of: string): void => set(/^[-+\d.eE]+$/.test(text) ? `${text} ${of}` : text);
@@ -36,7 +37,7 @@ function Length({ id, field, set, disabled }: Input) {
         id={id}
         size={7}
         inputMode="decimal"
-        placeholder={field.required ? "25" : ""}
+        placeholder={field.required && field.path.length === 1 ? "25" : ""}
         {...{ disabled, value: typed }}
         onInput={(event) => setTyped(event.currentTarget.value)}
         onChange={() => put(typed.trim(), chosen)}

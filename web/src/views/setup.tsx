@@ -131,7 +131,7 @@ function TextEditor({ title, text, save, onChanged }: Editor) {
 const wordsOf = (field: Field): string =>
   field.unit === "m" && field.path.length === 1
     ? `Measure the ${field.what} on the target, and enter it below (${labelOf(field)}).`
-    : `Enter the ${field.what} (${labelOf(field)}).`;
+    : `State the ${field.what} (${labelOf(field)}).`;
 
 /** What is missing, in plain words; else what is wrong with the texts; else what there is. */
 function Summary({ now, missing }: { now: Session; missing: Field[] }) {
@@ -204,7 +204,7 @@ export function SetUp() {
         )}
         <div>{part("session", "Session", now.text, "/api/session")}</div>
       </div>
-      <Upload cameras={now.cameras} done={() => attempt(loadState)} />
+      {now.cameras.length > 0 && <Upload cameras={now.cameras} done={() => attempt(loadState)} />}
     </>
   );
 }
