@@ -64,7 +64,7 @@ Json SuggestionsJson(const SuggestedViews& suggested) {
   if (suggestions.bound) {
     bound = {{"words", ViewBoundText(suggestions)},
              {"sigma", suggestions.bound->sigma},
-             {"further", suggestions.bound->further},
+             {"further", suggestions.reached ? 0 : suggestions.bound->WholeFurther()},
              {"suggested", suggestions.suggested ? Json(*suggestions.suggested) : Json()}};
   }
   return {{"verdict", suggested.verdict ? Json(GradeName(suggested.verdict->grade)) : Json()},

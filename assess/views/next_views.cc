@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -27,14 +28,6 @@ constexpr size_t kKept = 400, kPreferred = 100, kExecuted = 16;
 // The most views that are counted until the goal.
 constexpr size_t kMostViews = 50;
 
-struct Candidate {
-  TargetPose pose;
-  RigidTransform T_rig_target;
-  Eigen::VectorXf coarse = {};    // packed information by few markers
-  std::optional<size_t> fine{};   // column of that by more, if it is known
-  Eigen::MatrixXd expected = {};  // mean over executed poses; empty: not known
-};
-
 // Whether a person sees two suggestions as different.
 bool Differ(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
   if (a.camera != b.camera) return true;
@@ -51,38 +44,42 @@ bool Differ(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
          std::abs(a.place.y() - b.place.y()) > kPart * image_size[1];
 }
 
-class Choice {
- public:
-  Choice(const RigEstimate& rig, const ViewTarget& shape, const NextViewOptions& options)
-      : rig_(rig),
-        shape_(shape),
-        options_(options),
-        ranges_(Ranges()),
-        distances_(Distances()),
-        unknowns_(MakeRigUnknowns(rig.bundle, distances_[0])),
-        predictor_(rig, unknowns_, shape),
-        projection_(rig, unknowns_, distances_),
-        state_(predictor_.InformationSoFar(), unknowns_.head, projection_) {}
+}  // namespace
 
-  NextViews Run() {
+class NextViewChooser::Impl {
+ public:
+  Impl(ViewTarget shape, const NextViewOptions& options)
+      : shape_(std::move(shape)), options_(options) {}
+
+  NextViews Run(RigEstimate rig) {
+    rig_ = std::move(rig);
+    const bool stay = CandidatesStay();
+    if (!stay) {
+      ranges_ = Ranges();
+      distances_ = Distances();
+      unknowns_ = MakeRigUnknowns(rig_.bundle, distances_[0]);
+    }
+    predictor_.emplace(rig_, unknowns_, shape_);
+    projection_.emplace(rig_, unknowns_, distances_);
+    state_.emplace(predictor_->InformationSoFar(), unknowns_.head, *projection_);
+    if (!stay) MakeCandidates();
     NextViews result{.goal = options_.goal, .distances = distances_};
     result.frames = rig_.bundle.T_rig_target.size();
-    result.sigma = state_.SigmaOfImages();
+    result.sigma = state_->SigmaOfImages();
     result.reached = result.sigma <= options_.goal;
-    MakeCandidates();
     // Before there are frames the estimate is the lens' as the user states it.
     if (result.frames == 0 || std::isfinite(result.sigma)) result.bound = Bound(result.frames);
     const auto wanted = static_cast<size_t>(options_.count);
     for (size_t i = 0; i < std::max(wanted, kMostViews); ++i) {
-      const bool reached = state_.SigmaOfImages() <= options_.goal;
+      const bool reached = state_->SigmaOfImages() <= options_.goal;
       if (reached && !result.suggested) result.suggested = i;
       if (reached && i >= wanted) break;
       Candidate* const best = Best(i < wanted ? result.views : std::vector<NextView>());
       if (best == nullptr) break;
       if (i < wanted) {
-        result.views.push_back(Take(*best));
+        result.views.push_back(Take(Improved(*best, result.views)));
       } else {
-        state_.Add(best->expected);
+        state_->Add(best->expected);
       }
     }
     constexpr double kWorthIt = 0.9;
@@ -92,6 +89,37 @@ class Choice {
   }
 
  private:
+  struct Candidate {
+    TargetPose pose;
+    RigidTransform T_rig_target;
+    Eigen::VectorXf coarse = {};    // packed information by few markers
+    std::optional<size_t> fine{};   // column of that by more, if it is known
+    Eigen::MatrixXd expected = {};  // mean over executed poses; empty: not known
+  };
+
+  // Views whose information is computed by many markers: candidates and places between them.
+  struct FineViews {
+    std::vector<TargetPose> poses;
+
+    size_t Add(const TargetPose& pose, const Eigen::VectorXd& information) {
+      const auto column = static_cast<Eigen::Index>(poses.size());
+      if (column >= columns_.cols()) {
+        columns_.conservativeResize(information.size(), std::max<Eigen::Index>(500, 2 * column));
+      }
+      columns_.col(column) = information;
+      poses.push_back(pose);
+      return poses.size() - 1;
+    }
+    // Packed information.
+    [[nodiscard]] auto Column(size_t i) const { return columns_.col(static_cast<Eigen::Index>(i)); }
+    [[nodiscard]] auto Columns() const {
+      return columns_.leftCols(static_cast<Eigen::Index>(poses.size()));
+    }
+
+   private:
+    Eigen::MatrixXd columns_;
+  };
+
   std::vector<ViewRange> Ranges() const {
     std::vector<ViewRange> ranges;
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
@@ -113,15 +141,44 @@ class Choice {
     return {nearest, farthest, 10 * farthest};
   }
 
+  // Whether the candidates, with their information, are those of this estimate, too.
+  [[nodiscard]] bool CandidatesStay() const {
+    constexpr double kSame = 0.01, kSameNoise = 0.05;
+    const std::vector<BundleCamera>& cameras = rig_.bundle.cameras;
+    if (made_for_.size() != cameras.size()) return false;
+    const std::vector<ViewRange> ranges = Ranges();
+    const auto near = [](double a, double b, double part) { return std::abs(a - b) <= part * b; };
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const auto& [params, fixed, sigma_px] = made_for_[c];
+      if (fixed != cameras[c].fixed || !near(rig_.sigma_px[c], sigma_px, kSameNoise) ||
+          !near(ranges[c].nearest, ranges_[c].nearest, kSameNoise) ||
+          !near(ranges[c].farthest, ranges_[c].farthest, kSameNoise)) {
+        return false;
+      }
+      for (size_t k = 0; k < params.size(); ++k) {
+        const int unknown = unknowns_.params[c][k];
+        if (unknown >= 0 &&
+            std::abs(cameras[c].params[k] - params[k]) > kSame * unknowns_.unit[unknown]) {
+          return false;
+        }
+      }
+    }
+    return true;
+  }
+
   void MakeCandidates() {
+    candidates_.clear();
+    fine_ = {};
+    searches_ = kSearches;
+    made_for_.clear();
+    for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
+      const BundleCamera& camera = rig_.bundle.cameras[c];
+      made_for_.push_back({camera.params, camera.fixed, rig_.sigma_px[c]});
+    }
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
       for (const TargetPose& pose :
            CandidatePoses(rig_, c, shape_, ranges_[c], options_.largest_tilt)) {
-        const auto T_camera_target = PlaceTarget(rig_, shape_, pose);
-        if (!T_camera_target) continue;
-        candidates_.push_back(
-            {.pose = pose,
-             .T_rig_target = rig_.bundle.cameras[c].T_camera_rig.Inverse() * *T_camera_target});
+        if (auto candidate = MakeCandidate(pose)) candidates_.push_back(std::move(*candidate));
       }
     }
     std::vector<double> scores(candidates_.size(), -kInfinity);
@@ -129,7 +186,7 @@ class Choice {
       const auto information = InformationOf(candidates_[i], kCoarseMarkers);
       if (!information) return;
       candidates_[i].coarse = Packed(*information).cast<float>();
-      scores[i] = state_.Gain(*information);
+      scores[i] = state_->Gain(*information);
     });
     std::vector<size_t> best(candidates_.size());
     std::iota(best.begin(), best.end(), size_t{0});
@@ -161,19 +218,79 @@ class Choice {
     ParallelFor(chosen.size(), options_.threads, [&](size_t i) {
       all[i] = InformationOf(candidates_[chosen[i]], kFineMarkers);
     });
-    Eigen::Index column = fine_.cols();
-    fine_.conservativeResize(candidates_[chosen[0]].coarse.size(),
-                             column + static_cast<Eigen::Index>(chosen.size()));
     for (size_t i = 0; i < chosen.size(); ++i) {
       Candidate& candidate = candidates_[chosen[i]];
-      if (!all[i]) {
+      if (all[i]) {
+        candidate.fine = fine_.Add(candidate.pose, Packed(*all[i]));
+      } else {
         candidate.coarse.resize(0);
-        continue;
       }
-      candidate.fine = column;
-      fine_.col(column++) = Packed(*all[i]);
     }
-    fine_.conservativeResize(Eigen::NoChange, column);
+  }
+
+  // Adds views between the candidates, found from those of the design by a local search, that lower
+  // f by more than any candidate. False when there are none.
+  bool AddBetween(const OptimalDesign& design) {
+    constexpr double kClearly = 1.005;
+    const double least = 0.01 * design.weights.sum();
+    std::vector<size_t> chosen;
+    for (Eigen::Index i = 0; i < design.weights.size(); ++i) {
+      if (design.weights[i] > least) chosen.push_back(static_cast<size_t>(i));
+    }
+    const Eigen::VectorXd slope = PackedTwice(design.slope);
+    struct Found {
+      TargetPose pose;
+      Eigen::VectorXd information;
+      double loss = 0;
+    };
+    std::vector<Found> found(chosen.size());
+    ParallelFor(chosen.size(), options_.threads, [&](size_t i) {
+      Found& best = found[i];
+      best.pose = fine_.poses[chosen[i]];
+      best.information = fine_.Column(chosen[i]);
+      best.loss = slope.dot(best.information);
+      for (const double step : {1.0, 0.5, 0.25}) {
+        for (int k = 0; k < 12; ++k) {
+          const TargetPose pose = Moved(best.pose, k / 2, k % 2 == 0 ? step : -step);
+          const auto candidate = MakeCandidate(pose);
+          const auto more = candidate ? InformationOf(*candidate, kFineMarkers) : std::nullopt;
+          if (!more) continue;
+          const Eigen::VectorXd packed = Packed(*more);
+          const double loss = slope.dot(packed);
+          if (loss > best.loss) best = {pose, packed, loss};
+        }
+      }
+    });
+    bool any = false;
+    for (const Found& each : found) {
+      if (!(each.loss > kClearly * design.steepest)) continue;
+      fine_.Add(each.pose, each.information);
+      any = true;
+    }
+    return any;
+  }
+
+  // A pose with one of its six numbers changed by part of the candidates' distance.
+  [[nodiscard]] TargetPose Moved(TargetPose pose, int number, double part) const {
+    const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
+    const ViewRange& range = ranges_[pose.camera];
+    constexpr double kTilt = 0.15, kAngle = 0.4, kDistance = 0.12;
+    if (number < 2) pose.place[number] += part * size[static_cast<size_t>(number)] / 12;
+    if (number == 2) {
+      pose.distance =
+          std::clamp(pose.distance * (1 + kDistance * part), range.nearest, range.farthest);
+    }
+    if (number == 3) pose.tilt = std::clamp(pose.tilt + kTilt * part, 0.0, options_.largest_tilt);
+    if (number == 4) pose.away += kAngle * part;
+    if (number == 5) pose.turn += kAngle * part;
+    return pose;
+  }
+
+  [[nodiscard]] std::optional<Candidate> MakeCandidate(const TargetPose& pose) const {
+    const auto T_camera_target = PlaceTarget(rig_, shape_, pose);
+    if (!T_camera_target) return std::nullopt;
+    const RigidTransform& T_camera_rig = rig_.bundle.cameras[pose.camera].T_camera_rig;
+    return Candidate{.pose = pose, .T_rig_target = T_camera_rig.Inverse() * *T_camera_target};
   }
 
   // The best `count` views beside those so far. Few markers leave an error in the information, so
@@ -182,7 +299,8 @@ class Choice {
     constexpr float kMayBe = 0.7F;  // of the steepest
     constexpr size_t kAtOnce = 200;
     for (;;) {
-      OptimalDesign design = SolveDesign(projection_.All(), so_far, fine_, count, *weights);
+      OptimalDesign design =
+          SolveDesign(projection_->All(), so_far, fine_.Columns(), count, *weights);
       *weights = design.weights;
       const Eigen::VectorXf slope = PackedTwice(design.slope).cast<float>();
       std::vector<std::pair<float, size_t>> steep;
@@ -192,7 +310,11 @@ class Choice {
         const float loss = slope.dot(each.coarse);
         if (loss > kMayBe * static_cast<float>(design.steepest)) steep.emplace_back(-loss, i);
       }
-      if (steep.empty()) return design;
+      if (steep.empty()) {
+        if (searches_ == 0 || !AddBetween(design)) return design;
+        --searches_;
+        continue;
+      }
       std::ranges::sort(steep);
       steep.resize(std::min(steep.size(), kAtOnce));
       std::vector<size_t> chosen;
@@ -208,28 +330,27 @@ class Choice {
       const auto count = static_cast<double>(frames);
       const Eigen::Index size = unknowns_.unit.size();
       const OptimalDesign design = Design(Eigen::MatrixXd::Identity(size, size), count, &weights);
-      const InformationState best(Inverse(design.covariance), unknowns_.head, projection_);
+      const InformationState best(Inverse(design.covariance), unknowns_.head, *projection_);
       if (best.IsDetermined()) bound.sigma = std::sqrt(design.LeastTrace(count));
     }
-    if (state_.Sigma() <= options_.goal) return bound;
+    if (state_->Sigma() <= options_.goal) return bound;
     // Newton's method: f is convex in the number of views, so that each step stays a bound.
     const double goal = options_.goal * options_.goal;
     constexpr double kLarge = 1000, kSame = 1.005;
     weights.resize(0);
     for (double count = 0, next = 1; next > kSame * count; next = bound.further) {
       count = next;
-      bound.further = Design(state_.Information(), count, &weights).FewestViews(goal);
+      bound.further = Design(state_->Information(), count, &weights).FewestViews(goal);
       if (!(bound.further < kLarge)) bound.further = kInfinity;
-      if (std::isinf(bound.further)) return bound;
+      if (std::isinf(bound.further)) break;
     }
-    bound.further = std::max(1.0, std::ceil(bound.further));
     return bound;
   }
 
   // Nothing where the camera before which the pose was made, and which its words name, does not
   // find the target, even if another one does.
   std::optional<Eigen::MatrixXd> InformationOf(const Candidate& candidate, size_t markers) const {
-    return predictor_.Information(candidate.T_rig_target, markers, candidate.pose.camera);
+    return predictor_->Information(candidate.T_rig_target, markers, candidate.pose.camera);
   }
 
   // Mean of the information over the poses that come of it. A target that is not found then adds
@@ -245,7 +366,7 @@ class Choice {
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size, size);
     for (const RigidTransform& T_camera_target : executed) {
       const auto more =
-          predictor_.Information(T_camera_rig.Inverse() * T_camera_target, kFineMarkers);
+          predictor_->Information(T_camera_rig.Inverse() * T_camera_target, kFineMarkers);
       if (more) sum += *more / static_cast<double>(executed.size());
     }
     return sum;
@@ -253,19 +374,15 @@ class Choice {
 
   // The candidate of the largest expected gain that differs from those views; null: none gains.
   Candidate* Best(const std::vector<NextView>& before) {
-    const bool sigma = state_.Criterion() == ViewCriterion::kSigma;
+    const bool sigma = state_->Criterion() == ViewCriterion::kSigma;
     const Eigen::VectorXd losses =
-        fine_.transpose() *
-        PackedTwice(sigma ? state_.Covariance() * projection_.All() * state_.Covariance()
-                          : state_.Covariance());
+        fine_.Columns().transpose() *
+        PackedTwice(sigma ? state_->Covariance() * projection_->All() * state_->Covariance()
+                          : state_->Covariance());
     std::vector<std::pair<double, Candidate*>> open;
     for (Candidate& each : candidates_) {
-      if (!each.fine) continue;
-      const ImageSize size = rig_.bundle.cameras[each.pose.camera].image_size;
-      if (std::ranges::all_of(
-              before, [&](const NextView& view) { return Differ(view.pose, each.pose, size); })) {
-        open.emplace_back(losses[static_cast<Eigen::Index>(*each.fine)], &each);
-      }
+      if (!each.fine || !DiffersFrom(before, each.pose)) continue;
+      open.emplace_back(losses[static_cast<Eigen::Index>(*each.fine)], &each);
     }
     const auto keep_best = [&](size_t count) {
       std::ranges::stable_sort(open,
@@ -275,32 +392,66 @@ class Choice {
     // The loss per view is the gain by a small part of it.
     if (sigma) keep_best(kPreferred);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
-      const auto column = static_cast<Eigen::Index>(*open[i].second->fine);
-      open[i].first = state_.Gain(Unpacked(fine_.col(column)));
+      open[i].first = state_->Gain(Unpacked(fine_.Column(*open[i].second->fine)));
     });
     keep_best(kExecuted);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
       Candidate& each = *open[i].second;
       if (each.expected.size() == 0) each.expected = Expected(each);
-      open[i].first = state_.Gain(each.expected);
+      open[i].first = state_->Gain(each.expected);
     });
     keep_best(1);
     return open.empty() || !(open[0].first > 0) ? nullptr : open[0].second;
+  }
+
+  [[nodiscard]] bool DiffersFrom(const std::vector<NextView>& before,
+                                 const TargetPose& pose) const {
+    const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
+    return std::ranges::all_of(before,
+                               [&](const NextView& view) { return Differ(view.pose, pose, size); });
+  }
+
+  // The candidate at the place, distance and tilt nearby with the largest expected gain.
+  [[nodiscard]] Candidate Improved(Candidate best, const std::vector<NextView>& before) const {
+    constexpr size_t kMoves = 8;
+    constexpr int kMostSteps = 6;
+    double most = state_->Gain(best.expected), step = 1;
+    for (int i = 0; i < kMostSteps; ++i) {
+      std::array<std::optional<Candidate>, kMoves> moved;
+      std::array<double, kMoves> gains{};
+      ParallelFor(kMoves, options_.threads, [&](size_t k) {
+        const TargetPose pose =
+            Moved(best.pose, static_cast<int>(k / 2), k % 2 == 0 ? step : -step);
+        if (!DiffersFrom(before, pose)) return;
+        moved[k] = MakeCandidate(pose);
+        if (!moved[k] || !InformationOf(*moved[k], kCoarseMarkers)) return;
+        moved[k]->expected = Expected(*moved[k]);
+        gains[k] = state_->Gain(moved[k]->expected);
+      });
+      const auto k = static_cast<size_t>(std::ranges::max_element(gains) - gains.begin());
+      if (gains[k] > most) {
+        most = gains[k];
+        best = *moved[k];
+      } else {
+        step /= 2;
+      }
+    }
+    return best;
   }
 
   NextView Take(const Candidate& candidate) {
     const size_t camera = candidate.pose.camera;
     NextView view{.pose = candidate.pose,
                   .T_rig_target = candidate.T_rig_target,
-                  .criterion = state_.Criterion()};
-    const Eigen::MatrixXd before = state_.Covariance();
-    view.sigma_before = state_.Sigma();
-    state_.Add(candidate.expected);
-    view.sigma_after = state_.Sigma();
+                  .criterion = state_->Criterion()};
+    const Eigen::MatrixXd before = state_->Covariance();
+    view.sigma_before = state_->Sigma();
+    state_->Add(candidate.expected);
+    view.sigma_after = state_->Sigma();
     double most = -kInfinity;
     for (size_t r = 0; r < kRegions; ++r) {
-      const double was = projection_.InRegion(camera, r, before);
-      const double is = projection_.InRegion(camera, r, state_.Covariance());
+      const double was = projection_->InRegion(camera, r, before);
+      const double is = projection_->InRegion(camera, r, state_->Covariance());
       if (!(was - is > most)) continue;
       most = was - is;
       view.region = r;
@@ -308,7 +459,7 @@ class Choice {
       view.region_after = is;
     }
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-      if (!predictor_.PredictVisibility(c, view.T_rig_target, kFineMarkers).found) continue;
+      if (!predictor_->PredictVisibility(c, view.T_rig_target, kFineMarkers).found) continue;
       view.cameras.push_back(c);
       view.outlines[c] = OutlinesIn(c, view.T_rig_target);
     }
@@ -348,25 +499,41 @@ class Choice {
     return outlines;
   }
 
-  const RigEstimate& rig_;
-  const ViewTarget& shape_;
-  const NextViewOptions& options_;
+  static constexpr int kSearches = 5;
+  struct MadeFor {
+    std::vector<double> params;
+    std::vector<bool> fixed;
+    double sigma_px;
+  };
+
+  ViewTarget shape_;
+  NextViewOptions options_;
+  // Of the estimate that the candidates were made for.
+  std::vector<MadeFor> made_for_;  // per camera
   std::vector<ViewRange> ranges_;  // per camera
   std::vector<double> distances_;
   RigUnknowns unknowns_;
-  ViewPredictor predictor_;
-  ProjectionSigma projection_;
-  InformationState state_;
   std::vector<Candidate> candidates_;
-  Eigen::MatrixXd fine_;  // packed information, a column each
+  FineViews fine_;
+  int searches_ = kSearches;  // left: they take longer than all else
+  // Of the last estimate.
+  RigEstimate rig_;
+  std::optional<ViewPredictor> predictor_;
+  std::optional<ProjectionSigma> projection_;
+  std::optional<InformationState> state_;
 };
 
-}  // namespace
+NextViewChooser::NextViewChooser(ViewTarget shape, const NextViewOptions& options)
+    : impl_(std::make_unique<Impl>(std::move(shape), options)) {}
+NextViewChooser::NextViewChooser(NextViewChooser&&) noexcept = default;
+NextViewChooser::~NextViewChooser() = default;
+
+NextViews NextViewChooser::Choose(RigEstimate rig) { return impl_->Run(std::move(rig)); }
 
 NextViews ChooseNextViews(const RigEstimate& rig,
                           const ViewTarget& shape,
                           const NextViewOptions& options) {
-  return Choice(rig, shape, options).Run();
+  return NextViewChooser(shape, options).Choose(rig);
 }
 
 }  // namespace plenocal

@@ -3,8 +3,11 @@
 // The next views of a target that lower the standard error of a rig's projection most.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -51,8 +54,12 @@ struct ViewBound {
   /// Sigma of the projection of as many frames as there are now, px; infinite where these need not
   /// determine all.
   double sigma = std::numeric_limits<double>::infinity();
-  /// Fewest views beside the frames so far until the goal; infinite: no number of them reaches it.
+  /// Fewest views beside the frames so far until the goal, not rounded; infinite: no number of them
+  /// reaches it.
   double further = 0;
+
+  /// Whole number of views to a goal that is not reached.
+  [[nodiscard]] double WholeFurther() const { return std::max(1.0, std::ceil(further)); }
 };
 
 struct NextViews {
@@ -78,6 +85,21 @@ struct NextViews {
 NextViews ChooseNextViews(const RigEstimate& rig,
                           const ViewTarget& shape,
                           const NextViewOptions& options);
+
+/// `ChooseNextViews` for a calibration that goes on: the candidates stay, with their information,
+/// while parameters and noise hardly change, so that a new estimate takes a tenth of the time.
+class NextViewChooser {
+ public:
+  NextViewChooser(ViewTarget shape, const NextViewOptions& options);
+  NextViewChooser(NextViewChooser&&) noexcept;
+  ~NextViewChooser();
+
+  NextViews Choose(RigEstimate rig);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 /// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
 /// there 1.6 -> 0.4 px".

@@ -85,7 +85,7 @@ std::string ViewBoundText(const NextViews& suggestions) {
   if (suggestions.reached) return words;
   words += words.empty() ? "" : "; ";
   if (std::isinf(bound.further)) return words + "no number of these views reaches the goal";
-  words += fmt::format("the goal takes at least {:.0f} more", bound.further);
+  words += fmt::format("the goal takes at least {:.0f} more", bound.WholeFurther());
   return words +
          (suggestions.suggested ? fmt::format(", {} as suggested", *suggestions.suggested) : "");
 }

@@ -44,7 +44,7 @@ double OptimalDesign::FewestViews(double goal) const {
 
 OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
                           const Eigen::MatrixXd& so_far,
-                          const Eigen::MatrixXd& views,
+                          const Eigen::Ref<const Eigen::MatrixXd>& views,
                           double count,
                           const Eigen::VectorXd& start) {
   constexpr double kGap = 0.003;  // of the trace
@@ -55,7 +55,8 @@ OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
   design.weights.head(start.size()) = start;
   if (start.size() > 0) design.weights *= count / start.sum();
   // Sets all but the weights and returns the loss of f per view.
-  const auto evaluate = [&](const Eigen::MatrixXd& columns, const Eigen::VectorXd& weights) {
+  const auto evaluate = [&](const Eigen::Ref<const Eigen::MatrixXd>& columns,
+                            const Eigen::VectorXd& weights) {
     const Eigen::LLT<Eigen::MatrixXd> factor(so_far + Unpacked(columns * weights));
     design.covariance = factor.solve(Eigen::MatrixXd::Identity(M.rows(), M.cols()));
     design.slope = design.covariance * M * design.covariance;

@@ -39,7 +39,7 @@ struct OptimalDesign {
 /// of an earlier solution, or empty.
 OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
                           const Eigen::MatrixXd& so_far,
-                          const Eigen::MatrixXd& views,
+                          const Eigen::Ref<const Eigen::MatrixXd>& views,
                           double count,
                           const Eigen::VectorXd& start);
 

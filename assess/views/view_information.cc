@@ -186,6 +186,7 @@ class ViewPredictor::CameraRows {
                          std::span<const BundleObservation* const> observations,
                          double repeats,
                          double markers) {
+    if (observations.size() == 1 && repeats == 1) return AddOne(marker, *observations[0], markers);
     Shared BB = Shared::Identity(B_.cols(), B_.cols());
     JB_.setZero();
     Eigen::MatrixXd more(own_ + 7, rows_ * static_cast<Eigen::Index>(observations.size()));
@@ -230,6 +231,22 @@ class ViewPredictor::CameraRows {
   static constexpr int kMostShared = 3 + kMaxObservationSize;
   using Shared = Eigen::
       Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostShared, kMostShared>;
+
+  // J' (1 + B B')^-1 J, which is what remains without the shared part.
+  [[nodiscard]] bool AddOne(const MarkerShape& marker,
+                            const BundleObservation& observation,
+                            double markers) {
+    if (!Linearise(marker, observation)) return true;
+    Shared variance = Shared::Identity(rows_, rows_);
+    variance.noalias() += B_ * B_.transpose();
+    if (!J_.allFinite()) return false;
+    const Eigen::LLT<Shared> factor(variance);
+    factor.matrixL().solveInPlace(J_);
+    for (Eigen::Index k = 0; k < rows_; ++k) {
+      Put(std::sqrt(markers) * J_.row(k), &plus_, &plus_count_);
+    }
+    return true;
+  }
 
   [[nodiscard]] int Unknown(Eigen::Index column) const {
     if (column < params_) return unknowns_.params[index_][static_cast<size_t>(column)];

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames until a goal: suggested views against random ones and greedy coverage (docs/suggest.md).
 
-bench/accuracy/suggest.py [--cameras N] [--seed N] [--build build/release] [--jobs 2]
+bench/accuracy/suggest.py [--cameras N] [--seed N] [--build build/release] [--jobs 2] [--without-coverage]
 bench/accuracy/suggest.py --faults
 
 50 cameras (10 narrow, 15 normal, 10 fisheyes, 10 plenoptic, 5 stereo pairs), or N of each class.
 Four random frames each; the goal is the sigma that random views reach with 20 frames. Poses are
-carried out with 5 degrees and 5 % of error.
+carried out with 5 degrees and 5 % of error. The bound on the frames until the goal is that of the
+estimate at the end, given the four frames.
 
 --faults: the faulty sets of docs/recordings.md; each suggestion is taken (with these errors) and
 calibrated with the rest, until the verdict is good or five were taken.
@@ -85,7 +86,8 @@ def cure_faults(options):
 
 def compare_policies(options):
     def run(camera):
-        return list(csv.DictReader(common.run(options.build / "bench/suggest_views", *camera).stdout.splitlines()))
+        less = ["without-coverage"] if options.without_coverage else []
+        return list(csv.DictReader(common.run(options.build / "bench/suggest_views", *camera, *less).stdout.splitlines()))
 
     cameras = [(kind, options.seed + i) for kind, count in CLASSES.items() for i in range(options.cameras or count)]
     rows = [row for rows in common.in_threads(options.jobs, run, cameras) for row in rows]
@@ -97,12 +99,19 @@ def compare_policies(options):
         classes.setdefault(camera.rstrip("0123456789"), []).append(by_policy)
     classes["all"] = list(frames.values())
 
-    print("frames after the start until the goal (medians)")
-    print("class      random coverage suggest")
-    for name, cameras in classes.items():
-        medians = [statistics.median(c[p] for c in cameras) for p in ("random", "coverage", "suggest")]
-        print(f"{name:10} {medians[0]:6g} {medians[1]:8g} {medians[2]:7g}")
+    policies = ("random", "suggest") if options.without_coverage else ("random", "coverage", "suggest")
     suggested = [row for row in rows if row["policy"] == "suggest"]
+    for row in suggested:
+        frames[row["camera"]]["bound"] = int(row["bound"])
+    print("frames after the start until the goal: medians; sums of suggest and of the bound, and their ratio")
+    print("class     ", *(f"{p:>8}" for p in policies), "    sum bound ratio")
+    for name, cameras in classes.items():
+        medians = [statistics.median(c[p] for c in cameras) for p in policies]
+        taken, bound = (sum(c[p] for c in cameras) for p in ("suggest", "bound"))
+        print(f"{name:10}", *(f"{median:8g}" for median in medians), f"{taken:7} {bound:5} {taken / bound:5.2f}")
+    for column in ("taken_by_bound", "searched_by_bound"):
+        parts = [float(row[column]) for row in suggested]
+        print(f"{column}, of a sigma 3 % larger: largest {max(parts):.3f}, above 1: {sum(p > 1 for p in parts)} of {len(parts)}")
     ratios = sorted(float(r) for row in suggested for r in row["predicted_over_computed"].split())
     if ratios:
         part = sum(abs(r - 1) < 0.35 for r in ratios) / len(ratios)
@@ -117,6 +126,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--build", type=pathlib.Path, default=common.BUILD)
+    parser.add_argument("--without-coverage", action="store_true")
     parser.add_argument("--faults", action="store_true")
     options = parser.parse_args()
     (cure_faults if options.faults else compare_policies)(options)

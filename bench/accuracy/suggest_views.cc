@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Frames until a goal: suggested views against random ones and greedy coverage, in simulation
-// (docs/suggest.md). Usage: suggest_views CLASS SEED, one camera; CSV on standard output.
+// (docs/suggest.md). Usage: suggest_views CLASS SEED [without-coverage], one camera; CSV on
+// standard output.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -438,6 +439,92 @@ struct Outcome {
   int frames = kMostFrames;  // until the goal, after the start
   double phi = 0, error = 0;
   std::vector<double> predicted;  // over computed
+  double bound = 0;               // on the number of frames
+  // Number of frames that a sigma 3 % above theirs takes by the bound, over their number: of those
+  // that were taken, and of poses that a continuous search finds. Above 1 they beat it.
+  double taken = 0, searched = 0;
+};
+
+// The bound by the estimate and the noise at the end, given the frames at the start.
+class BoundTest {
+ public:
+  BoundTest(const World& world, const RigEstimate& at_end, const std::vector<double>& distances)
+      : world_(world),
+        start_(at_end),
+        unknowns_(MakeRigUnknowns(at_end.bundle, distances[0])),
+        predictor_(at_end, unknowns_, world.board),
+        projection_(at_end, unknowns_, distances),
+        range_{distances[0], world.IsPlenoptic() ? distances[2] : distances[1]} {
+    start_.bundle.T_rig_target.resize(kStart);
+    std::erase_if(start_.bundle.observations,
+                  [](const BundleObservation& each) { return each.frame >= kStart; });
+  }
+
+  double Further(double goal) const {
+    const NextViews next =
+        ChooseNextViews(start_, world_.board, {.count = 1, .range = range_, .goal = goal});
+    return next.bound ? next.bound->further : 0;
+  }
+
+  double Over(const std::vector<RigidTransform>& frames) const {
+    Eigen::MatrixXd S = Start();
+    for (const RigidTransform& T : frames) Add(T, &S);
+    return Further(1.03 * Sigma(S)) / static_cast<double>(frames.size());
+  }
+
+  // Greedy choice with a local search over all that a pose has.
+  std::vector<RigidTransform> Search(const Pool& pool, size_t count, Dice* dice) const {
+    constexpr int kTrials = 150, kMoves = 120;
+    Eigen::MatrixXd S = Start();
+    std::vector<RigidTransform> frames;
+    while (frames.size() < count) {
+      TargetPose best;
+      double least = 1e9;
+      for (int i = 0; i < kTrials + kMoves; ++i) {
+        TargetPose pose = best;
+        if (i < kTrials) {
+          pose = pool.poses[dice->Index(pool.poses.size())];
+        } else {
+          const double step = std::pow(0.97, i - kTrials);
+          pose.place += step * Eigen::Vector2d(dice->Gaussian(60), dice->Gaussian(60));
+          pose.distance = std::clamp(
+              pose.distance * (1 + step * dice->Gaussian(0.1)), range_.nearest, range_.farthest);
+          pose.tilt = std::clamp(pose.tilt + step * dice->Gaussian(0.2), 0.0, 50 * kDegree);
+          pose.away += step * dice->Gaussian(0.4);
+          pose.turn += step * dice->Gaussian(0.4);
+        }
+        const auto T = PlaceTarget(start_, world_.board, pose);
+        if (!T) continue;
+        Eigen::MatrixXd with = S;
+        Add(start_.bundle.cameras[pose.camera].T_camera_rig.Inverse() * *T, &with);
+        const double sigma = Sigma(with);
+        if (sigma < least) least = sigma, best = pose;
+      }
+      frames.push_back(start_.bundle.cameras[best.camera].T_camera_rig.Inverse() *
+                       *PlaceTarget(start_, world_.board, best));
+      Add(frames.back(), &S);
+    }
+    return frames;
+  }
+
+ private:
+  Eigen::MatrixXd Start() const {
+    return ViewPredictor(start_, unknowns_, world_.board).InformationSoFar();
+  }
+  void Add(const RigidTransform& T, Eigen::MatrixXd* S) const {
+    constexpr size_t kAll = 1000;
+    if (const auto more = predictor_.Information(T, kAll)) *S += *more;
+  }
+  double Sigma(const Eigen::MatrixXd& S) const {
+    return projection_.Of(S.llt().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols())));
+  }
+
+  const World& world_;
+  RigEstimate start_;
+  RigUnknowns unknowns_;
+  ViewPredictor predictor_;
+  ProjectionSigma projection_;
+  ViewRange range_;
 };
 
 Outcome RunPolicy(const World& world,
@@ -465,6 +552,7 @@ Outcome RunPolicy(const World& world,
   }
   Outcome outcome;
   std::optional<Solved> solved = Solve(world, cameras, distances);
+  std::vector<RigidTransform> taken;
   const int last = policy == "random" ? kRandomFrames - kStart : kMostFrames;
   for (int f = 0; f < last; ++f) {
     double predicted = 0;
@@ -498,7 +586,8 @@ Outcome RunPolicy(const World& world,
       pose = pool.poses[i];
       T = pool.T_rig_target[i];
     }
-    Record(world, Execute(world, pose, T, &dice), kStart + f, &noise, &cameras);
+    taken.push_back(Execute(world, pose, T, &dice));
+    Record(world, taken.back(), kStart + f, &noise, &cameras);
     solved = Solve(world, cameras, distances);
     if (!solved) continue;
     if (predicted > 0) outcome.predicted.push_back(predicted / solved->phi);
@@ -510,12 +599,18 @@ Outcome RunPolicy(const World& world,
     }
   }
   if (policy == "random") outcome.frames = last;
+  if (policy == "suggest" && solved) {
+    const BoundTest test(world, solved->rig, distances);
+    outcome.bound = std::max(1.0, std::ceil(test.Further(goal)));
+    outcome.taken = test.Over(taken);
+    outcome.searched = test.Over(test.Search(pool, taken.size(), &dice));
+  }
   return outcome;
 }
 
 int Main(int argc, char** argv) {
-  if (argc != 3) {
-    fmt::print(stderr, "usage: suggest_views CLASS SEED\n");
+  if (argc != 3 && argc != 4) {
+    fmt::print(stderr, "usage: suggest_views CLASS SEED [without-coverage]\n");
     return 2;
   }
   const auto seed = static_cast<unsigned>(std::atoi(argv[2]));
@@ -528,22 +623,28 @@ int Main(int argc, char** argv) {
   }
   std::vector<double> distances{nearest, farthest, 10 * farthest};
   if (world.IsPlenoptic()) distances = {nearest, 2 / (1 / nearest + 1 / farthest), farthest};
-  fmt::print("camera,policy,frames,goal_px,sigma_px,error_px,predicted_over_computed\n");
+  fmt::print(
+      "camera,policy,frames,goal_px,sigma_px,error_px,predicted_over_computed,bound,taken_by_bound,"
+      "searched_by_bound\n");
   double goal = 0;
-  for (const char* policy : {"random", "coverage", "suggest"}) {
+  for (const std::string policy : {"random", "coverage", "suggest"}) {
+    if (policy == "coverage" && argc == 4) continue;
     const Outcome outcome = RunPolicy(world, pool, policy, distances, goal, seed);
     if (goal == 0) goal = outcome.phi;
     std::string predicted;
     for (const double ratio : outcome.predicted)
       predicted += fmt::format("{}{:.3f}", predicted.empty() ? "" : " ", ratio);
-    fmt::print("{},{},{},{:.4f},{:.4f},{:.4f},{}\n",
+    fmt::print("{},{},{},{:.4f},{:.4f},{:.4f},{},{:.0f},{:.3f},{:.3f}\n",
                world.name,
                policy,
                outcome.frames,
                goal,
                outcome.phi,
                outcome.error,
-               predicted);
+               predicted,
+               outcome.bound,
+               outcome.taken,
+               outcome.searched);
     std::fflush(stdout);
   }
   return 0;

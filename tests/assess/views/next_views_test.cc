@@ -231,8 +231,8 @@ TEST(NextViews, StateWhatTheBestChoiceCouldReach) {
     const NextViews until =
         ChooseNextViews(known.rig, shape, {.count = 1, .goal = goal * next.sigma});
     ASSERT_TRUE(until.bound && until.suggested) << goal;
-    EXPECT_GE(until.bound->further, 1);
-    EXPECT_LE(until.bound->further, static_cast<double>(*until.suggested));
+    EXPECT_GE(until.bound->WholeFurther(), 1);
+    EXPECT_LE(until.bound->WholeFurther(), static_cast<double>(*until.suggested));
   }
   // The suggestions are a choice as well.
   const NextViews same =
@@ -357,7 +357,7 @@ TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
 TEST(NextViews, StateTheBoundInWords) {
   NextViews next;
   next.frames = 9;
-  next.bound = {.sigma = 0.0214, .further = 2};
+  next.bound = {.sigma = 0.0214, .further = 1.2};
   next.suggested = 3;
   EXPECT_EQ(ViewBoundText(next),
             "the best 9 frames possible would reach 0.021 px; the goal takes at least 2 more, 3 as "
