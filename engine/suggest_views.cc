@@ -26,20 +26,6 @@ namespace {
 
 double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-// The points of a calibration's camera, as its images had them.
-std::vector<View> ViewsOf(const CalibrationRecord& calibration, const CalibratedCamera& camera) {
-  std::map<int, View> views;
-  for (const ResidualRow& row : camera.residuals) {
-    View& view = views[row.frame];
-    view.frame = calibration.frames[static_cast<size_t>(row.frame)].name;
-    view.observations.push_back(
-        {.marker = row.marker, .values = row.values, .detector_sigma = row.noise_sigma});
-  }
-  std::vector<View> list;
-  for (auto& [frame, view] : views) list.push_back(std::move(view));
-  return list;
-}
-
 // Cameras of a given angle with the information of a calibration's images: parameters that these do
 // not determine may be anywhere in the calibration.
 SuggestedViews BasisOfImages(const CalibrationRecord& calibration,

@@ -8,12 +8,12 @@
 #include <optional>
 #include <string>
 
-#include "assess/views/next_views.h"
 #include "calib/base/run.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/session.h"
 #include "engine/session/session_options.h"
 #include "engine/suggest/picture_gain.h"
+#include "engine/suggest/suggested_views.h"
 
 namespace plenocal {
 
@@ -32,13 +32,6 @@ struct SuggestRequest : SessionOptions {
   double nearest = 0, farthest = 0;  ///< of the target, m; 0: as target and lens allow
   double tilt = 50;                  ///< the largest, degrees
   double goal = 0.05;                ///< standard error of the projection that suffices, px
-};
-
-struct SuggestedViews {
-  RigEstimate rig;  ///< what the views are chosen for
-  ViewTarget shape;
-  std::optional<Verdict> verdict;  ///< of the calibration so far
-  NextViews views = {};
 };
 
 /// Throws `Error`: of kind kJob where the images determine no calibration and no angle is given;

@@ -162,10 +162,7 @@ Answer Api::AnswerTo(const Request& request) {
   if (Is(request, "GET", {"files"})) return Files(request);
   if (Is(request, "POST", {"files"})) return AddImage(request);
   if (Is(request, "POST", {"look"})) return Look(request);
-  if (Is(request, "POST", {"look", "keep"})) {
-    live_.Keep();
-    return JsonAnswer(Json::object());
-  }
+  if (Is(request, "POST", {"look", "keep"})) return JsonAnswer(live_.Keep());
   if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
   if (Is(request, "POST", {"jobs"})) return AddJob(request);
   if (Is(request, "POST", {"watch"})) return WatchRequest(request);

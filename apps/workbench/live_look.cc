@@ -2,12 +2,15 @@
 #include "apps/workbench/live_look.h"
 
 #include <charconv>
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <string_view>
 #include <vector>
 
+#include "apps/suggest/suggestions_json.h"
+#include "assess/pose_spread.h"
 #include "calib/base/error.h"
 #include "calib/files/image_store.h"
 
@@ -73,9 +76,25 @@ nlohmann::json LiveLook::Weigh(const std::filesystem::path& run_folder,
   return PictureGainJson(scale_->Evaluate(images));
 }
 
-void LiveLook::Keep() {
+nlohmann::json LiveLook::Keep() {
   const std::lock_guard lock(mutex_);
-  if (scale_) scale_->Keep();
+  if (!scale_) return nullptr;
+  const auto start = std::chrono::steady_clock::now();
+  scale_->Keep();
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  const LiveCalibration& live = scale_->Live();
+  nlohmann::json json = SuggestionsJson(live.Suggested());
+  json["seconds"] = took.count();
+  for (size_t c = 0; c < live.Record().cameras.size(); ++c) {
+    const CalibratedCamera& camera = live.Record().cameras[c];
+    nlohmann::json parameters = nlohmann::json::array();
+    for (size_t k = 0; k < camera.params.size(); ++k) {
+      parameters.push_back({camera.model->params[k].name, camera.params[k], camera.Sigma(k)});
+    }
+    json["calibration"][camera.name] = {{"coverage", MeasurePoseSpread(live.Record(), c).coverage},
+                                        {"parameters", parameters}};
+  }
+  return json;
 }
 
 }  // namespace plenocal::workbench

@@ -22,8 +22,10 @@ class LiveLook {
   nlohmann::json Weigh(const std::filesystem::path& run_folder,
                        const std::string& sizes,
                        const std::string& pictures);
-  /// What was weighed last is kept as images.
-  void Keep();
+  /// What was weighed last is kept as images, and the calibration goes on with it. Returns
+  /// `SuggestionsJson` with `seconds`, and by camera `coverage` (part of the image's cells with
+  /// points) and `parameters` (name, value, sigma); null where nothing was weighed.
+  nlohmann::json Keep();
 
  private:
   std::mutex mutex_;

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "assess/views/information_state.h"
-#include "assess/views/next_views.h"
 #include "assess/views/view_information.h"
 
 namespace plenocal {
@@ -56,8 +55,9 @@ RigEstimate WithoutFrames(RigEstimate rig) {
 
 // What follows from the frames so far.
 struct FrameGainEvaluator::State {
-  State(const RigEstimate& rig, const ViewTarget& shape, int threads)
-      : best(ChooseNextViews(rig, shape, {.count = 1, .threads = threads})),
+  State(const RigEstimate& rig, const ViewTarget& of_target, const NextViews& best)
+      : without_frames(WithoutFrames(rig)),
+        shape(of_target),
         unknowns(MakeRigUnknowns(rig.bundle, best.distances[0])),
         projection(rig, unknowns, best.distances),
         information(
@@ -68,30 +68,30 @@ struct FrameGainEvaluator::State {
     if (more) best_gain = information.Gain(*more);
   }
 
-  NextViews best;
+  RigEstimate without_frames;
+  ViewTarget shape;
   RigUnknowns unknowns;
   ProjectionSigma projection;
   InformationState information;
   double best_gain = 0;
 };
 
-FrameGainEvaluator::FrameGainEvaluator(RigEstimate rig, ViewTarget shape, int threads)
-    : rig_(std::move(rig)),
-      without_frames_(WithoutFrames(rig_)),
-      shape_(std::move(shape)),
-      threads_(threads),
-      state_(std::make_unique<State>(rig_, shape_, threads)) {}
+FrameGainEvaluator::FrameGainEvaluator(const RigEstimate& rig,
+                                       const ViewTarget& shape,
+                                       const NextViews& best)
+    : state_(std::make_unique<State>(rig, shape, best)) {}
 
 FrameGainEvaluator::FrameGainEvaluator(FrameGainEvaluator&&) noexcept = default;
+FrameGainEvaluator& FrameGainEvaluator::operator=(FrameGainEvaluator&&) noexcept = default;
 FrameGainEvaluator::~FrameGainEvaluator() = default;
 
 FrameInformationGain FrameGainEvaluator::Evaluate(const RigidTransform& T_rig_target,
                                                   const std::vector<View>& views) const {
-  RigEstimate one = without_frames_;
+  RigEstimate one = state_->without_frames;
   Append(T_rig_target, views, &one);
   FrameInformationGain gain;
   gain.sigma_before = gain.sigma_after = state_->information.SigmaOfImages();
-  ViewPredictor(one, state_->unknowns, shape_)
+  ViewPredictor(one, state_->unknowns, state_->shape)
       .ForFrames([&](const ViewPredictor::FrameInformation& of_frame) {
         const double lowered = state_->information.Gain(of_frame.information);
         if (state_->best_gain > 0) gain.share = std::max(0.0, lowered / state_->best_gain);
@@ -100,11 +100,6 @@ FrameInformationGain FrameGainEvaluator::Evaluate(const RigidTransform& T_rig_ta
         gain.sigma_after = with.SigmaOfImages();
       });
   return gain;
-}
-
-void FrameGainEvaluator::Add(const RigidTransform& T_rig_target, const std::vector<View>& views) {
-  Append(T_rig_target, views, &rig_);
-  state_ = std::make_unique<State>(rig_, shape_, threads_);
 }
 
 }  // namespace plenocal

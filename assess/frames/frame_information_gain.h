@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "assess/views/rig_estimate.h"
+#include "assess/views/next_views.h"
 
 namespace plenocal {
 
@@ -18,28 +18,22 @@ struct FrameInformationGain {
   double share = 0;  ///< its gain over that of the best view; 0 where no view adds anything
 };
 
-/// Compares frames that are being taken with the view that `ChooseNextViews` finds best.
+/// Compares frames that are being taken with the best view.
 class FrameGainEvaluator {
  public:
-  /// Throws as `ChooseNextViews`.
-  FrameGainEvaluator(RigEstimate rig, ViewTarget shape, int threads);
+  /// `best`: what `ChooseNextViews` suggests for the rig.
+  FrameGainEvaluator(const RigEstimate& rig, const ViewTarget& shape, const NextViews& best);
   FrameGainEvaluator(FrameGainEvaluator&&) noexcept;
+  FrameGainEvaluator& operator=(FrameGainEvaluator&&) noexcept;
   ~FrameGainEvaluator();
 
   /// `views`: per camera the points of this frame, of markers that the rig has; the pose is one
   /// that they determine. Otherwise the frame adds nothing.
   [[nodiscard]] FrameInformationGain Evaluate(const RigidTransform& T_rig_target,
                                               const std::vector<View>& views) const;
-  /// The frame is one of the calibration's from now on: what it shows adds less again.
-  void Add(const RigidTransform& T_rig_target, const std::vector<View>& views);
 
  private:
   struct State;
-
-  RigEstimate rig_;
-  RigEstimate without_frames_;
-  ViewTarget shape_;
-  int threads_;
   std::unique_ptr<State> state_;
 };
 

@@ -26,7 +26,7 @@ constexpr double kDegrees = 57.29577951308232;
 constexpr size_t kCoarseMarkers = 24, kFineMarkers = 150;
 constexpr size_t kKept = 400, kPreferred = 100, kExecuted = 16;
 // The most views that are counted until the goal.
-constexpr size_t kMostViews = 50;
+constexpr size_t kMostViews = 30;
 
 // Whether a person sees two suggestions as different.
 bool Differ(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
@@ -70,11 +70,13 @@ class NextViewChooser::Impl {
     // Before there are frames the estimate is the lens' as the user states it.
     if (result.frames == 0 || std::isfinite(result.sigma)) result.bound = Bound(result.frames);
     const auto wanted = static_cast<size_t>(options_.count);
-    for (size_t i = 0; i < std::max(wanted, kMostViews); ++i) {
+    const bool is_near = result.bound && result.bound->further <= kMostViews;
+    for (size_t i = 0; i < std::max(wanted, is_near ? kMostViews : 0); ++i) {
       const bool reached = state_->SigmaOfImages() <= options_.goal;
       if (reached && !result.suggested) result.suggested = i;
       if (reached && i >= wanted) break;
-      Candidate* const best = Best(i < wanted ? result.views : std::vector<NextView>());
+      Candidate* const best = i < wanted ? Best(result.views, kPreferred, kExecuted)
+                                         : Best({}, kPreferred / 5, kExecuted / 4);
       if (best == nullptr) break;
       if (i < wanted) {
         result.views.push_back(Take(Improved(*best, result.views)));
@@ -311,8 +313,9 @@ class NextViewChooser::Impl {
         if (loss > kMayBe * static_cast<float>(design.steepest)) steep.emplace_back(-loss, i);
       }
       if (steep.empty()) {
-        if (searches_ == 0 || !AddBetween(design)) return design;
+        if (searches_ == 0) return design;
         --searches_;
+        if (!AddBetween(design)) return design;
         continue;
       }
       std::ranges::sort(steep);
@@ -373,7 +376,8 @@ class NextViewChooser::Impl {
   }
 
   // The candidate of the largest expected gain that differs from those views; null: none gains.
-  Candidate* Best(const std::vector<NextView>& before) {
+  // `preferred`: those of which the gain is computed, `executed`: its mean over inexact poses.
+  Candidate* Best(const std::vector<NextView>& before, size_t preferred, size_t executed) {
     const bool sigma = state_->Criterion() == ViewCriterion::kSigma;
     const Eigen::VectorXd losses =
         fine_.Columns().transpose() *
@@ -390,11 +394,11 @@ class NextViewChooser::Impl {
       open.resize(std::min(open.size(), count));
     };
     // The loss per view is the gain by a small part of it.
-    if (sigma) keep_best(kPreferred);
+    if (sigma) keep_best(preferred);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
       open[i].first = state_->Gain(Unpacked(fine_.Column(*open[i].second->fine)));
     });
-    keep_best(kExecuted);
+    keep_best(executed);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
       Candidate& each = *open[i].second;
       if (each.expected.size() == 0) each.expected = Expected(each);
@@ -499,7 +503,7 @@ class NextViewChooser::Impl {
     return outlines;
   }
 
-  static constexpr int kSearches = 5;
+  static constexpr int kSearches = 8;
   struct MadeFor {
     std::vector<double> params;
     std::vector<bool> fixed;

@@ -240,6 +240,23 @@ void AddFindings(const BundleGuess& guess, Calibration* calibration) {
 
 }  // namespace
 
+CalibrationStart StartFrom(const Calibration& calibration) {
+  CalibrationStart start;
+  for (const BundleCamera& camera : calibration.bundle.cameras) {
+    start.params.emplace_back(
+        camera.params.begin(),
+        camera.params.begin() + static_cast<std::ptrdiff_t>(camera.ModelParams()));
+    start.T_camera_rig.push_back(camera.T_camera_rig);
+  }
+  for (size_t f = 0; f < calibration.frames.size(); ++f) {
+    start.T_rig_target[calibration.frames[f]] = calibration.bundle.T_rig_target[f];
+  }
+  for (const BundleMarker& marker : calibration.bundle.markers) {
+    start.markers[marker.number] = marker.position;
+  }
+  return start;
+}
+
 Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& options) {
   if (input.cameras.empty()) throw InputError("no camera to calibrate");
   const auto go_on = [&](const char* stage) {

@@ -42,6 +42,9 @@ struct Calibration {
   std::vector<Finding> findings;  ///< of the estimation itself
 };
 
+/// The start of a calibration with further frames.
+CalibrationStart StartFrom(const Calibration& calibration);
+
 /// Throws `Error` of kind kJob when the observations do not suffice.
 ///
 /// Outliers: after a robust solve, an observation is rejected when a residual as long as its own is

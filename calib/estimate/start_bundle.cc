@@ -51,6 +51,19 @@ CameraGuess GuessWithPrior(const CalibrationInput& input, size_t c) {
              : GuessCamera(alone, input.markers, input.marker_freedom);
 }
 
+CameraGuess GuessFrom(const CalibrationStart& start, const CalibrationInput& input, size_t c) {
+  const CameraInput& camera = input.cameras[c];
+  CameraGuess guess{.params = start.params[c], .T_camera_target = {}, .misfit = {}};
+  const BundleCamera of_guess = MakeBundleCamera(camera, guess.params);
+  for (const View& view : camera.views) {
+    const auto known = start.T_rig_target.find(view.frame);
+    guess.T_camera_target.push_back(known == start.T_rig_target.end()
+                                        ? GuessPose(of_guess, view, input.markers)
+                                        : start.T_camera_rig[c] * known->second);
+  }
+  return guess;
+}
+
 void AddCameras(const CalibrationInput& input,
                 const std::vector<RigidTransform>& T_camera_rig,
                 BundleGuess* guess) {
@@ -189,6 +202,9 @@ void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
     const int target =
         guess->bundle.targets.empty() ? 0 : static_cast<int>(MarkerId::FromNumber(number).target);
     guess->bundle.markers.push_back({number, position, position, target});
+    if (!input.start) continue;
+    const auto known = input.start->markers.find(number);
+    if (known != input.start->markers.end()) guess->bundle.markers.back().position = known->second;
   }
   for (const auto& [name, views] : FramesOf(input.cameras)) {
     const std::optional<RigidTransform> T_rig_target = FramePose(input, *guess, views);
@@ -278,8 +294,9 @@ BundleGuess GuessBundle(const CalibrationInput& given, int threads) {
   BundleGuess guess;
   guess.cameras.resize(given.cameras.size());
   const auto guess_cameras = [&](const CalibrationInput& of) {
-    ParallelFor(
-        of.cameras.size(), threads, [&](size_t c) { guess.cameras[c] = GuessWithPrior(of, c); });
+    ParallelFor(of.cameras.size(), threads, [&](size_t c) {
+      guess.cameras[c] = of.start ? GuessFrom(*of.start, of, c) : GuessWithPrior(of, c);
+    });
   };
   std::vector<RigidTransform> T_camera_rig;
   if (given.targets.empty()) {

@@ -38,6 +38,14 @@ struct InputTarget {
   std::optional<RigidTransform> known;  ///< its frame to that of the first target
 };
 
+/// Where the estimation starts: a result of the same cameras with other frames.
+struct CalibrationStart {
+  std::vector<std::vector<double>> params;             ///< per camera, of its model
+  std::vector<RigidTransform> T_camera_rig;            ///< per camera
+  std::map<std::string, RigidTransform> T_rig_target;  ///< by frame; others are found
+  std::map<int, Eigen::Vector3d> markers;              ///< by number, m
+};
+
 struct CalibrationInput {
   std::vector<CameraInput> cameras;  ///< the first is the rig's master
   /// By number, m. Of several targets, each in its target's own frame.
@@ -49,6 +57,8 @@ struct CalibrationInput {
   /// camera (per camera, or empty).
   std::optional<CalibrationPrior> prior = {};
   std::vector<std::optional<RigidTransform>> earlier_T_camera_rig = {};
+  /// Only of one target.
+  std::optional<CalibrationStart> start = {};
 };
 
 }  // namespace plenocal

@@ -19,13 +19,15 @@
 namespace plenocal {
 namespace {
 
-FrameGainEvaluator MakeEvaluator(const std::filesystem::path& folder,
-                                 const CalibrationRecord& calibration,
-                                 const Target& target,
-                                 int threads) {
-  ViewTarget shape = MakeViewTarget(target);
-  RigEstimate rig = MakeRigEstimate(folder, calibration, shape);
-  return {std::move(rig), std::move(shape), threads};
+FrameGainEvaluator MakeEvaluator(const SuggestedViews& suggested) {
+  return {suggested.rig, suggested.shape, suggested.views};
+}
+
+LiveCalibration MakeLive(const std::filesystem::path& folder, int threads) {
+  CalibrationRecord calibration = ReadTargetCalibration(folder);
+  const Target target = ReadTarget(folder / "target.yaml");
+  RigEstimate rig = MakeRigEstimate(folder, calibration, MakeViewTarget(target));
+  return {std::move(calibration), target, std::move(rig), {.count = 1, .threads = threads}};
 }
 
 }  // namespace
@@ -65,15 +67,13 @@ nlohmann::json PictureGainJson(const PictureGain& pictures) {
 }
 
 PictureGainEvaluator::PictureGainEvaluator(const std::filesystem::path& folder, int threads)
-    : calibration_(ReadTargetCalibration(folder)),
-      target_(ReadTarget(folder / "target.yaml")),
-      evaluator_(MakeEvaluator(folder, calibration_, target_, threads)),
-      threads_(threads) {
-  for (const auto& [number, marker] : calibration_.markers) points_[number] = marker.position;
-}
+    : target_(ReadTarget(folder / "target.yaml")),
+      live_(MakeLive(folder, threads)),
+      evaluator_(MakeEvaluator(live_.Suggested())),
+      threads_(threads) {}
 
 const CalibratedCamera& PictureGainEvaluator::CameraOf(const std::string& name) const {
-  const auto& cameras = calibration_.cameras;
+  const auto& cameras = Calibration().cameras;
   const auto found = name.empty() && cameras.size() == 1
                          ? cameras.begin()
                          : std::ranges::find(cameras, name, &CalibratedCamera::name);
@@ -116,19 +116,21 @@ View PictureGainEvaluator::PointsIn(const CalibratedCamera& camera,
 PictureGain PictureGainEvaluator::Evaluate(const std::map<std::string, FrameImage>& pictures) {
   last_.reset();
   PictureGain result;
-  std::vector<View> views(calibration_.cameras.size());
+  std::vector<View> views(Calibration().cameras.size());
   size_t fullest = 0;  // the camera with most points
   for (const auto& [name, picture] : pictures) {
     const CalibratedCamera& camera = CameraOf(name);
-    const auto c = static_cast<size_t>(&camera - calibration_.cameras.data());
+    const auto c = static_cast<size_t>(&camera - Calibration().cameras.data());
     std::string why;
     views[c] = PointsIn(camera, picture, &why);
     if (!why.empty()) result.why[camera.name] = why;
     result.points += views[c].observations.size();
     if (views[c].observations.size() > views[fullest].observations.size()) fullest = c;
   }
-  const CalibratedCamera& camera = calibration_.cameras[fullest];
-  const auto located = LocateView(camera, views[fullest], points_, Numbering::kByMarker);
+  const CalibratedCamera& camera = Calibration().cameras[fullest];
+  std::map<int, Eigen::Vector3d> points;
+  for (const auto& [number, marker] : Calibration().markers) points[number] = marker.position;
+  const auto located = LocateView(camera, views[fullest], points, Numbering::kByMarker);
   if (!located) return result;
   last_ = {camera.T_camera_rig.Inverse() * located->T_map_camera.Inverse(), std::move(views)};
   result.gain = evaluator_.Evaluate(last_->T_rig_target, last_->views);
@@ -136,8 +138,11 @@ PictureGain PictureGainEvaluator::Evaluate(const std::map<std::string, FrameImag
 }
 
 void PictureGainEvaluator::Keep() {
-  if (last_) evaluator_.Add(last_->T_rig_target, last_->views);
+  if (!last_) return;
+  const std::vector<View> views = std::move(last_->views);
   last_.reset();
+  live_.Add(fmt::format("live_{}", ++kept_), views);
+  evaluator_ = MakeEvaluator(live_.Suggested());
 }
 
 }  // namespace plenocal

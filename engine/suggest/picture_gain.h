@@ -12,6 +12,7 @@
 
 #include "assess/frames/frame_information_gain.h"
 #include "calib/files/frame_images.h"
+#include "engine/suggest/live_calibration.h"
 #include "targets/target.h"
 
 namespace plenocal {
@@ -40,8 +41,10 @@ class PictureGainEvaluator {
   /// the calibration has not, for a plenoptic one, and for a picture that cannot be read or has
   /// another size.
   PictureGain Evaluate(const std::map<std::string, FrameImage>& pictures);
-  /// The pictures that were evaluated last are kept: `FrameGainEvaluator::Add`.
+  /// The pictures that were evaluated last are kept: the calibration goes on with them
+  /// (`LiveCalibration::Add`).
   void Keep();
+  [[nodiscard]] const LiveCalibration& Live() const { return live_; }
 
  private:
   struct Frame {
@@ -54,11 +57,13 @@ class PictureGainEvaluator {
                               const FrameImage& picture,
                               std::string* why) const;
 
-  CalibrationRecord calibration_;
+  [[nodiscard]] const CalibrationRecord& Calibration() const { return live_.Record(); }
+
   Target target_;
-  std::map<int, Eigen::Vector3d> points_;  ///< positions of the markers, refined
+  LiveCalibration live_;
   FrameGainEvaluator evaluator_;
   int threads_;
+  int kept_ = 0;
   std::optional<Frame> last_;
 };
 

@@ -88,6 +88,7 @@ async function record(page, steps) {
   await automatic.check();
   await reaches("data-share", 0.001);
   await reaches("data-frames", before + 1);
+  await reaches("data-renewed", 0.001);
   await automatic.uncheck();
   const kept = files().length - before;
   assert.ok(kept <= 3, `${kept} views of 13 kept`);

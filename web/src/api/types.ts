@@ -123,6 +123,11 @@ export interface Suggestions {
     sigma_after: number | null;
   }[];
 }
+/** After a picture that was kept: what follows for all of them, and how long that took after its detection. */
+export interface Renewed extends Suggestions {
+  seconds: number;
+  calibration: Record<string, { coverage: number; parameters: [string, number, number | null][] }>;
+}
 /** Two runs, in the words of `plenocal compare` and over the images. */
 export interface Comparison {
   command: string;

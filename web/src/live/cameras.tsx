@@ -3,8 +3,9 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { ask, send } from "../api/client";
-import type { Worth } from "../api/types";
+import type { Renewed, Worth } from "../api/types";
 import { activeJob, attempt, report, run } from "../state/project";
+import { renewSuggestions } from "../state/suggestions";
 import { Stillness } from "./still";
 
 /** A camera of the session, and the folder that its images come from; null: from elsewhere. */
@@ -25,6 +26,8 @@ const automatic = signal(false);
 const least = signal(60); // per cent of what the best view adds, for a view to be kept by itself
 /** Of what the cameras showed last; null: not known, as before the first calibration. */
 const worth = signal<Worth | null>(null);
+/** With the picture that was kept last; null: none since the cameras were opened. */
+const renewed = signal<Renewed | null>(null);
 let turn: Promise<void> = Promise.resolve(); // of the work with pictures, one after the other
 let busy = 0; // how much of it there is
 let judged = 0; // when, ms
@@ -85,7 +88,22 @@ function inTurn(work: () => Promise<void>): Promise<void> {
   return turn;
 }
 
-const take = (): Promise<void> => inTurn(() => attempt(async () => keep(await pictures())));
+/** The calibration goes on with the picture that was weighed last. */
+async function renew(): Promise<void> {
+  const with_it = await ask<Renewed | null>("POST", "/api/look/keep", {});
+  renewed.value = with_it;
+  if (with_it) renewSuggestions(with_it);
+}
+
+const take = (): Promise<void> =>
+  inTurn(() =>
+    attempt(async () => {
+      const moment = await pictures();
+      await keep(moment);
+      worth.value = await weigh(moment);
+      if (worth.value) await renew();
+    }),
+  );
 
 /** Shows what the present view adds; `mayKeep`: and keeps it when it is worth it, or when there is no calibration yet. */
 const judge = (mayKeep: boolean): Promise<void> =>
@@ -97,7 +115,7 @@ const judge = (mayKeep: boolean): Promise<void> =>
       judged = Date.now();
       if (!mayKeep || (worth.value && 100 * (worth.value.share ?? 0) < least.value)) return;
       await keep(moment);
-      if (worth.value) await ask("POST", "/api/look/keep", {});
+      if (worth.value) await renew();
     } catch (error) {
       worth.value = null;
       report(error);
@@ -153,7 +171,7 @@ function Live({ stream, camera, folder, outlines, size }: Shown) {
       videos.delete(folder);
       if (videos.size === 0) window.clearInterval(looking);
       open.value = videos.size;
-      worth.value = null;
+      worth.value = renewed.value = null;
     };
   }, [stream, folder]);
   return (
@@ -243,6 +261,24 @@ function Gain() {
   );
 }
 
+/** What the calibration is with the picture that was kept last. */
+function Now() {
+  const now = renewed.value;
+  if (!now) return null;
+  const cameras = Object.entries(now.calibration).map(([name, camera]) => {
+    const [first] = camera.parameters;
+    const value = first ? `${first[0]} ${first[1].toPrecision(6)} ± ${first[2]?.toPrecision(2) ?? "?"}, ` : "";
+    return `${name}: ${value}points in ${(100 * camera.coverage).toFixed(0)} % of the image`;
+  });
+  const sigma = now.sigma_now === null ? "not everything is determined yet" : `sigma ${now.sigma_now.toPrecision(2)} px`;
+  return (
+    <p aria-live="polite" data-renewed={now.seconds}>
+      {now.frames} frames, {sigma}; {now.bound ? `${now.bound.words}; ` : ""}
+      {cameras.join("; ")} (renewed in {now.seconds.toFixed(2)} s)
+    </p>
+  );
+}
+
 /** `outlines`: where the target should be next, by camera. `done` is called after each picture. */
 export function Cameras({
   places,
@@ -286,6 +322,7 @@ export function Cameras({
         </span>
       </div>
       <Gain />
+      <Now />
     </section>
   );
 }

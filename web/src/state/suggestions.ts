@@ -10,6 +10,9 @@ const found = signal<{ of: unknown; suggestions: Suggestions } | null>(null);
 /** Those found last: while new ones are looked for, they stay. */
 export const lastSuggestions = computed(() => found.value?.suggestions ?? null);
 
+/** Those of the run with pictures that it does not have yet. */
+export const renewSuggestions = (suggestions: Suggestions): void => void (found.value = { of: run.value, suggestions });
+
 /** Of this very result: a run that is made again has others. */
 export const suggestionsOfRun = (): Suggestions | null => (found.value && found.value.of === run.value ? found.value.suggestions : null);
 
