@@ -47,7 +47,7 @@ const timed = async (name, work) => {
 };
 await timed("page with the bars of all frames", async () => {
   await page.goto(address);
-  await page.getByRole("button", { name: "Look", exact: true }).click();
+  await page.getByRole("button", { name: "Results", exact: true }).click();
   await page.locator("[data-bars='1000'] canvas").first().waitFor();
 });
 await timed("from a bar to the points", async () => {
@@ -80,7 +80,7 @@ console.log(`memory of the server: ${/VmHWM:\s+(\d+)/.exec(readFileSync(`/proc/$
 server.kill();
 const small = await serve(calibrated("small", 50, 1));
 await page.goto(small.address);
-await page.getByRole("button", { name: "Look", exact: true }).click();
+await page.getByRole("button", { name: "Results", exact: true }).click();
 await page.locator("[data-bars='50'] canvas").first().waitFor();
 await timed("50 frames calibrated again, from the click to the picture", async () => {
   await page.getByRole("button", { name: "Calibrate again (c)" }).click();
