@@ -228,7 +228,7 @@ export function Results() {
           </select>
         </label>
       </div>
-      <div class="columns beside">
+      <div class={chosen.camera.plenoptic ? "columns" : "columns beside"}>
         <div>
           {now.cameras.map((camera) => (
             <BarsOf
