@@ -332,6 +332,34 @@ TEST(PointFit, StatesWhyThereIsNoPoint) {
   EXPECT_THAT(FitPoint(rig, twice).reason, ::testing::HasSubstr("no parallax"));
 }
 
+// Other factors with the old correlations would invent vergence (`ScaleAlike`).
+TEST(SpaceRig, ScalesTheStandardErrorsOfAllCamerasAlike) {
+  CalibrationRecord record = UncertainRig({});
+  const SpaceRig plain = MakeSpaceRig(record, {});
+  record.findings.push_back({.code = "points_share_errors", .cameras = {"camera0"}, .value = 2.0});
+  const SpaceRig scaled = MakeSpaceRig(record, {});
+  ASSERT_EQ(plain.unknowns.size(), scaled.unknowns.size());
+  for (size_t i = 0; i < plain.unknowns.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    const double factor = plain.unknowns[i].camera == 0 ? 1 : 2;
+    EXPECT_NEAR(scaled.root.row(row).norm(), factor * plain.root.row(row).norm(), 1e-9) << i;
+  }
+}
+
+TEST(SpaceRig, HasTheCalibrationsNoiseForTheDetectorsSigma) {
+  CalibrationRecord record = UncertainRig({});
+  CameraFit& fit = record.cameras[0].fit;
+  fit.noise_sigma = 0.05;
+  fit.common_noise = 0.03;  // 0.04 of its own
+  fit.detector_sigma = 0;
+  EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0.02), 0.04, 1e-12);
+  fit.detector_sigma = 0.08;  // stated twice too large
+  EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0.1), 0.05, 1e-12);
+  fit.detector_sigma = 0.024;  // too small by 0.032
+  EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0.06), std::hypot(0.06, 0.032), 1e-12);
+  EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0), 0.04, 1e-12);
+}
+
 TEST(RaysMeet, NamesAnErrorThatAllPointsShareAndNoSinglePointShows) {
   const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 0.1}), {});
   std::vector<BundleCamera> shifted = rig.cameras;
