@@ -162,7 +162,7 @@ Answer Api::AnswerTo(const Request& request) {
   if (Is(request, "GET", {"files"})) return Files(request);
   if (Is(request, "POST", {"files"})) return AddImage(request);
   if (Is(request, "POST", {"look"})) return Look(request);
-  if (Is(request, "POST", {"look", "keep"})) return JsonAnswer(live_.Keep());
+  if (Is(request, "POST", {"look", "keep"})) return Keep(request);
   if (request.path.size() >= 2 && request.path[1] == "session") return SessionRequest(request);
   if (Is(request, "POST", {"jobs"})) return AddJob(request);
   if (Is(request, "POST", {"watch"})) return WatchRequest(request);
@@ -501,6 +501,7 @@ Answer Api::WatchRequest(const Request& request) {
   } else if (!watch_.On()) {
     (void)project_->Parsed();  // a session that cannot be read is refused
     watched_run_ = project_->NextRun();
+    has_arrivals_ = false;
     watch_.Start();
   }
   events_->Add("reset", "{}");  // other tabs show it, too
@@ -513,10 +514,48 @@ Answer Api::Look(const Request& request) {
   return JsonAnswer(live_.Weigh(folder, request.Query("pictures"), request.body));
 }
 
+// The picture that was weighed last is kept in files of this frame.
+Answer Api::Keep(const Request& request) {
+  return JsonAnswer(
+      live_.Keep(PartOf(BodyOf(request), "frame", &Json::is_string, "a text").get<std::string>()));
+}
+
 void Api::CalibrateArrivals() {
-  if (!watch_.On() || jobs_->Busy() || !watch_.Arrived()) return;
-  events_->Add("session", "{}");
-  AddCalibration(watched_run_);
+  if (!watch_.On()) return;
+  const std::vector<Arrival> arrived = watch_.Arrived();
+  if (!arrived.empty()) {
+    has_arrivals_ = true;
+    RenewWith(arrived);
+  }
+  if (jobs_->Busy()) return;
+  if (has_arrivals_) {
+    has_arrivals_ = false;
+    events_->Add("session", "{}");
+    AddCalibration(watched_run_);
+  } else if (const fs::path folder = project_->RunFolder(watched_run_); fs::exists(folder)) {
+    try {
+      live_.Prepare(folder);
+    } catch (const Error&) {
+      return;  // of a plenoptic camera, for one: the jobs have all images
+    }
+  }
+}
+
+// One frame more: the calibration goes on with it before the job that follows has it, too.
+void Api::RenewWith(const std::vector<Arrival>& arrived) {
+  std::map<std::string, FrameImage> pictures;
+  for (const auto& [camera, image] : arrived) {
+    if (image.frame != arrived[0].image.frame) return;
+    pictures.emplace(camera, image);
+  }
+  const fs::path folder = project_->RunFolder(watched_run_);
+  if (!fs::exists(folder)) return;
+  try {
+    const Json renewed = live_.Renew(folder, pictures);
+    if (!renewed.is_null()) events_->Add("renewed", renewed.dump());
+  } catch (const Error&) {
+    return;  // the job names what is wrong with the image
+  }
 }
 
 Answer Api::Image(const Request& request) {

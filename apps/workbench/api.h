@@ -49,6 +49,8 @@ class Api {
   nlohmann::json AddCalibration(int run);
   Answer WatchRequest(const Request& request);
   Answer Look(const Request& request);
+  Answer Keep(const Request& request);
+  void RenewWith(const std::vector<Arrival>& arrived);
   Answer Image(const Request& request);
   Answer Focus(const Request& request) const;
   Answer Run(const Request& request);
@@ -74,8 +76,9 @@ class Api {
   SessionImages images_;
   Watch watch_;
   LiveLook live_;
-  std::atomic<int> watched_run_{0};  // that the images which arrive are calibrated into
-  std::mutex drawing_;               // one tab at a time draws the target
+  std::atomic<bool> has_arrivals_{false};  // that no calibration has begun with
+  std::atomic<int> watched_run_{0};        // that the images which arrive are calibrated into
+  std::mutex drawing_;                     // one tab at a time draws the target
 };
 
 }  // namespace plenocal::workbench

@@ -58,33 +58,63 @@ std::map<std::string, FrameImage> PicturesOf(std::string_view sizes, std::string
   return pictures;
 }
 
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
 }  // namespace
+
+void LiveLook::Open(const std::filesystem::path& run_folder) {
+  std::error_code error;
+  const auto time = std::filesystem::last_write_time(run_folder / "calibration.yaml", error);
+  if (scale_ && folder_ == run_folder && time_ == time) return;
+  scale_.reset();
+  scale_.emplace(run_folder, 0);
+  folder_ = run_folder;
+  time_ = time;
+}
+
+PictureGain LiveLook::Evaluate(const std::map<std::string, FrameImage>& images) {
+  const auto start = std::chrono::steady_clock::now();
+  PictureGain gain = scale_->Evaluate(images);
+  detection_seconds_ = SecondsSince(start);
+  return gain;
+}
 
 nlohmann::json LiveLook::Weigh(const std::filesystem::path& run_folder,
                                const std::string& sizes,
                                const std::string& pictures) {
   const std::map<std::string, FrameImage> images = PicturesOf(sizes, pictures);
   const std::lock_guard lock(mutex_);
-  std::error_code error;
-  const auto time = std::filesystem::last_write_time(run_folder / "calibration.yaml", error);
-  if (!scale_ || folder_ != run_folder || time_ != time) {
-    scale_.reset();
-    scale_.emplace(run_folder, 0);
-    folder_ = run_folder;
-    time_ = time;
-  }
-  return PictureGainJson(scale_->Evaluate(images));
+  Open(run_folder);
+  return PictureGainJson(Evaluate(images));
 }
 
-nlohmann::json LiveLook::Keep() {
+nlohmann::json LiveLook::Keep(const std::string& frame) {
   const std::lock_guard lock(mutex_);
-  if (!scale_) return nullptr;
+  return scale_ ? Add(frame) : nlohmann::json(nullptr);
+}
+
+nlohmann::json LiveLook::Renew(const std::filesystem::path& run_folder,
+                               const std::map<std::string, FrameImage>& images) {
+  const std::lock_guard lock(mutex_);
+  Open(run_folder);
+  return Evaluate(images).gain ? Add(images.begin()->second.frame) : nlohmann::json(nullptr);
+}
+
+void LiveLook::Prepare(const std::filesystem::path& run_folder) {
+  const std::lock_guard lock(mutex_);
+  Open(run_folder);
+}
+
+nlohmann::json LiveLook::Add(const std::string& frame) {
   const auto start = std::chrono::steady_clock::now();
-  scale_->Keep();
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  scale_->Keep(frame);
+  const double seconds = SecondsSince(start);
   const LiveCalibration& live = scale_->Live();
   nlohmann::json json = SuggestionsJson(live.Suggested());
-  json["seconds"] = took.count();
+  json["seconds"] = seconds;
+  json["detection_seconds"] = detection_seconds_;
   for (size_t c = 0; c < live.Record().cameras.size(); ++c) {
     const CalibratedCamera& camera = live.Record().cameras[c];
     nlohmann::json parameters = nlohmann::json::array();

@@ -75,12 +75,8 @@ Json SessionFields(const YamlNode& session) {
         std::ranges::find(CameraModels(), ScalarOf(camera, "model"), &CameraModel::name);
     if (model == CameraModels().end()) continue;
     for (const Param& config : model->config) {
-      AddField(camera,
-               {of_camera(config.name),
-                "value in the data sheet",
-                config.unit,
-                true},
-               &fields);
+      AddField(
+          camera, {of_camera(config.name), "value in the data sheet", config.unit, true}, &fields);
     }
   }
   const auto options = session.Find("options");

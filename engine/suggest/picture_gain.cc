@@ -137,11 +137,11 @@ PictureGain PictureGainEvaluator::Evaluate(const std::map<std::string, FrameImag
   return result;
 }
 
-void PictureGainEvaluator::Keep() {
+void PictureGainEvaluator::Keep(const std::string& frame) {
   if (!last_) return;
   const std::vector<View> views = std::move(last_->views);
   last_.reset();
-  live_.Add(fmt::format("live_{}", ++kept_), views);
+  live_.Add(frame, views);
   evaluator_ = MakeEvaluator(live_.Suggested());
 }
 

@@ -41,9 +41,9 @@ class PictureGainEvaluator {
   /// the calibration has not, for a plenoptic one, and for a picture that cannot be read or has
   /// another size.
   PictureGain Evaluate(const std::map<std::string, FrameImage>& pictures);
-  /// The pictures that were evaluated last are kept: the calibration goes on with them
-  /// (`LiveCalibration::Add`).
-  void Keep();
+  /// The pictures that were evaluated last are kept as those of a frame: the calibration goes on
+  /// with them (`LiveCalibration::Add`).
+  void Keep(const std::string& frame);
   [[nodiscard]] const LiveCalibration& Live() const { return live_; }
 
  private:
@@ -63,7 +63,6 @@ class PictureGainEvaluator {
   LiveCalibration live_;
   FrameGainEvaluator evaluator_;
   int threads_;
-  int kept_ = 0;
   std::optional<Frame> last_;
 };
 

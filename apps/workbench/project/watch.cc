@@ -27,45 +27,48 @@ bool Watch::On() const {
   return on_;
 }
 
-Watch::Sizes Watch::Look() const {
-  Sizes sizes;
+std::vector<Arrival> Watch::Look() const {
+  std::vector<Arrival> images;
   const Session session = project_->Parsed();
   for (const SessionCamera& camera : session.cameras) {
     if (camera.images.empty()) continue;
     try {
-      for (const FrameImage& image : ExpandImages(camera.images, camera.name)) {
-        std::error_code error;
-        const std::uintmax_t size = std::filesystem::file_size(image.path, error);
-        if (!error) sizes.emplace(image.path, size);
+      for (FrameImage& image : ExpandImages(camera.images, camera.name)) {
+        images.push_back({camera.name, std::move(image)});
       }
     } catch (const Error&) {
       continue;  // a folder without an image yet
     }
   }
-  return sizes;
+  return images;
 }
 
-bool Watch::Arrived() {
+std::vector<Arrival> Watch::Arrived() {
   constexpr auto kPause = std::chrono::milliseconds(500);
   const auto now = std::chrono::steady_clock::now();
   const std::lock_guard lock(mutex_);
-  if (!on_ || now - looked_ < kPause) return false;
+  if (!on_ || now - looked_ < kPause) return {};
   looked_ = now;
-  Sizes sizes;
+  std::vector<Arrival> images;
   try {
-    sizes = Look();
+    images = Look();
   } catch (const Error&) {
-    return false;  // the page shows what is wrong with the session
+    return {};  // the page shows what is wrong with the session
   }
-  const bool any_new = std::ranges::any_of(sizes, [&](const auto& image) {
-    const auto known = known_.find(image.first);
-    return known == known_.end() || known->second != image.second;
+  Sizes sizes;
+  std::erase_if(images, [&](const Arrival& each) {
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(each.image.path, error);
+    if (error) return true;
+    sizes.emplace(each.image.path, size);
+    const auto known = known_.find(each.image.path);
+    return known != known_.end() && known->second == size;
   });
   const bool written = sizes == last_;
   last_ = std::move(sizes);
-  if (!any_new || !written) return false;
-  known_ = last_;
-  return true;
+  if (!written) return {};
+  if (!images.empty()) known_ = last_;
+  return images;
 }
 
 }  // namespace plenocal::workbench

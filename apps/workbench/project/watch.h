@@ -8,10 +8,19 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <string>
+#include <vector>
 
 #include "apps/workbench/project/project.h"
+#include "calib/files/frame_images.h"
 
 namespace plenocal::workbench {
+
+/// An image that has arrived.
+struct Arrival {
+  std::string camera;
+  FrameImage image;
+};
 
 /// Images that arrive in the folders of the session's cameras.
 class Watch {
@@ -22,14 +31,13 @@ class Watch {
   void Start();
   void Stop();
   [[nodiscard]] bool On() const;
-  /// Whether there are images that are new or of another size, and all of them are written to the
-  /// end: their sizes are those of the look before, at least half a second ago. They are no longer
-  /// new then.
-  bool Arrived();
+  /// Images that are new or of another size, once all of them are written to the end: their sizes
+  /// are those of the look before, at least half a second ago. They are no longer new then.
+  std::vector<Arrival> Arrived();
 
  private:
   using Sizes = std::map<std::filesystem::path, std::uintmax_t>;
-  [[nodiscard]] Sizes Look() const;
+  [[nodiscard]] std::vector<Arrival> Look() const;
 
   Project* project_;
   mutable std::mutex mutex_;

@@ -126,6 +126,7 @@ export interface Suggestions {
 /** After a picture that was kept: what follows for all of them, and how long that took after its detection. */
 export interface Renewed extends Suggestions {
   seconds: number;
+  detection_seconds: number;
   calibration: Record<string, { coverage: number; parameters: [string, number, number | null][] }>;
 }
 /** Two runs, in the words of `plenocal compare` and over the images. */

@@ -4,8 +4,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { ask, send } from "../api/client";
 import type { Renewed, Worth } from "../api/types";
-import { activeJob, attempt, report, run } from "../state/project";
-import { renewSuggestions } from "../state/suggestions";
+import { activeJob, attempt, renewed, report, run } from "../state/project";
 import { Stillness } from "./still";
 
 /** A camera of the session, and the folder that its images come from; null: from elsewhere. */
@@ -26,8 +25,6 @@ const automatic = signal(false);
 const least = signal(60); // per cent of what the best view adds, for a view to be kept by itself
 /** Of what the cameras showed last; null: not known, as before the first calibration. */
 const worth = signal<Worth | null>(null);
-/** With the picture that was kept last; null: none since the cameras were opened. */
-const renewed = signal<Renewed | null>(null);
 let turn: Promise<void> = Promise.resolve(); // of the work with pictures, one after the other
 let busy = 0; // how much of it there is
 let judged = 0; // when, ms
@@ -68,10 +65,12 @@ async function pictures(): Promise<Picture[]> {
 }
 
 /** The files of one moment have one name. */
-async function keep(moment: Picture[]): Promise<void> {
-  const name = `${stamp()}.png`;
+async function keep(moment: Picture[]): Promise<string> {
+  const frame = stamp();
+  const name = `${frame}.png`;
   for (const { folder, file } of moment) await send(`/api/files?${new URLSearchParams({ dir: folder, name })}`, file);
   taken.value = { count: taken.value.count + 1, last: name };
+  return frame;
 }
 
 /** Against the run that is shown; null where there is none. */
@@ -89,19 +88,17 @@ function inTurn(work: () => Promise<void>): Promise<void> {
 }
 
 /** The calibration goes on with the picture that was weighed last. */
-async function renew(): Promise<void> {
-  const with_it = await ask<Renewed | null>("POST", "/api/look/keep", {});
-  renewed.value = with_it;
-  if (with_it) renewSuggestions(with_it);
+async function renew(frame: string): Promise<void> {
+  renewed.value = await ask<Renewed | null>("POST", "/api/look/keep", { frame });
 }
 
 const take = (): Promise<void> =>
   inTurn(() =>
     attempt(async () => {
       const moment = await pictures();
-      await keep(moment);
+      const frame = await keep(moment);
       worth.value = await weigh(moment);
-      if (worth.value) await renew();
+      if (worth.value) await renew(frame);
     }),
   );
 
@@ -114,8 +111,8 @@ const judge = (mayKeep: boolean): Promise<void> =>
       worth.value = await weigh(moment);
       judged = Date.now();
       if (!mayKeep || (worth.value && 100 * (worth.value.share ?? 0) < least.value)) return;
-      await keep(moment);
-      if (worth.value) await renew();
+      const frame = await keep(moment);
+      if (worth.value) await renew(frame);
     } catch (error) {
       worth.value = null;
       report(error);
@@ -261,8 +258,8 @@ function Gain() {
   );
 }
 
-/** What the calibration is with the picture that was kept last. */
-function Now() {
+/** What the calibration is with the picture that was kept, or has arrived, last. */
+export function Now() {
   const now = renewed.value;
   if (!now) return null;
   const cameras = Object.entries(now.calibration).map(([name, camera]) => {
@@ -274,7 +271,8 @@ function Now() {
   return (
     <p aria-live="polite" data-renewed={now.seconds}>
       {now.frames} frames, {sigma}; {now.bound ? `${now.bound.words}; ` : ""}
-      {cameras.join("; ")} (renewed in {now.seconds.toFixed(2)} s)
+      {cameras.join("; ")} (looked at in {now.detection_seconds.toFixed(2)} s, renewed in{" "}
+      {now.seconds.toFixed(2)} s)
     </p>
   );
 }
@@ -322,7 +320,6 @@ export function Cameras({
         </span>
       </div>
       <Gain />
-      <Now />
     </section>
   );
 }

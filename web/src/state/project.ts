@@ -3,13 +3,15 @@
 import { computed, signal } from "@preact/signals";
 import { ask, listen, Refused } from "../api/client";
 import type { Run } from "../api/calibration";
-import type { Detection, Job, Rule, Session, State } from "../api/types";
+import type { Detection, Job, Renewed, Rule, Session, State } from "../api/types";
 import { resultOf } from "../base/calibration";
 import type { RunResult } from "../base/calibration";
 
 export const project = signal<State | null>(null);
 export const session = signal<Session | null>(null);
 export const run = signal<RunResult | null>(null);
+/** The shown run with pictures that it does not have yet; null: there are none. */
+export const renewed = signal<Renewed | null>(null);
 export const detections = signal<Record<string, Detection>>({});
 export const away = signal(false);
 export const message = signal("");
@@ -119,6 +121,7 @@ export function start(): void {
       const found = data as Detection;
       detections.value = { ...detections.value, [`${found.camera}/${found.frame}`]: found };
     }
+    if (name === "renewed") renewed.value = data as Renewed;
     if (name === "refused") message.value = "this page's token is old: open the address that 'plenocal workbench' printed";
     if (name === "reset" || name === "session" || name === "open") void attempt(loadState);
   });

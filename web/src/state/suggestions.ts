@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Suggested views of the run that is shown.
-import { computed, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { ask } from "../api/client";
 import type { Suggestions } from "../api/types";
-import { attempt, run } from "./project";
+import { attempt, renewed, run } from "./project";
 
 const found = signal<{ of: unknown; suggestions: Suggestions } | null>(null);
 
 /** Those found last: while new ones are looked for, they stay. */
 export const lastSuggestions = computed(() => found.value?.suggestions ?? null);
 
-/** Those of the run with pictures that it does not have yet. */
-export const renewSuggestions = (suggestions: Suggestions): void => void (found.value = { of: run.value, suggestions });
+// Those of the run with pictures that it does not have yet.
+effect(() => {
+  if (renewed.value) found.value = { of: run.peek(), suggestions: renewed.value };
+});
 
 /** Of this very result: a run that is made again has others. */
 export const suggestionsOfRun = (): Suggestions | null => (found.value && found.value.of === run.value ? found.value.suggestions : null);

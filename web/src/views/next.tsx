@@ -5,7 +5,7 @@ import { useEffect, useState } from "preact/hooks";
 import { imagePath } from "../api/client";
 import type { CameraResult } from "../base/calibration";
 import { Plane } from "../image/plane";
-import { Cameras } from "../live/cameras";
+import { Cameras, Now } from "../live/cameras";
 import { Thumb, useImage } from "../parts/picture";
 import { activeJob, detections, place, project, run, session, watchFolders } from "../state/project";
 import { findSuggestions, lastSuggestions } from "../state/suggestions";
@@ -58,6 +58,7 @@ function Watching() {
         </span>
       </div>
       {watching && <LastImage />}
+      <Now />
       {watching && shown.length > 0 && (
         <p aria-live="polite">
           sigma of the projection with {shown.map(({ frames, sigma }) => `${frames} frames: ${sigma === null ? "not determined" : `${sigma.toPrecision(2)} px`}`).join("; ")}
