@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report/report.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -241,14 +238,8 @@ class ReportData {
   const CameraFiles& files_;
 };
 
-// The day of a file's last change; of a file that is yet to be written, today.
-std::string DayOf(const std::filesystem::path& file) {
-  struct stat about {};
-  const bool is_there = stat(file.c_str(), &about) == 0;
-  return fmt::format("{:%Y-%m-%d}", fmt::localtime(is_there ? about.st_mtime : std::time(nullptr)));
-}
-
-// Session and day; a session.yaml is named by its folder.
+// A session.yaml is named by its folder. The page adds the day by the file's time, so that equal
+// inputs give equal bytes.
 std::string TitleOf(const CalibrationRecord& calibration) {
   std::filesystem::path session;
   for (const char* key : {"folder", "session"}) {
@@ -258,8 +249,7 @@ std::string TitleOf(const CalibrationRecord& calibration) {
   }
   std::filesystem::path name = session.stem();
   if (name == "session") name = session.parent_path().filename();
-  return fmt::format(
-      "Calibration{}{}, {}", name.empty() ? "" : " of ", name.string(), DayOf(calibration.path));
+  return fmt::format("Calibration{}{}", name.empty() ? "" : " of ", name.string());
 }
 
 }  // namespace

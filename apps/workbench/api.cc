@@ -516,8 +516,9 @@ Answer Api::Look(const Request& request) {
 
 // The picture that was weighed last is kept in files of this frame.
 Answer Api::Keep(const Request& request) {
-  return JsonAnswer(
-      live_.Keep(PartOf(BodyOf(request), "frame", &Json::is_string, "a text").get<std::string>()));
+  const Json frame = PartOf(BodyOf(request), "frame", &Json::is_string, "a text");
+  if (frame.is_null()) throw InputError("frame: expected a text");
+  return JsonAnswer(live_.Keep(frame.get<std::string>()));
 }
 
 void Api::CalibrateArrivals() {

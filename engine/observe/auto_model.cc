@@ -127,7 +127,7 @@ std::optional<Finding> ChooseByHeldOutFrames(const Target& target,
     session->auto_refine = false;
   }
   note.remedy =
-      fmt::format("To fix the choice, state it in the session: {}.", fmt::join(keys, ", "));
+      fmt::format("To keep this choice, state it in the session: {}.", fmt::join(keys, ", "));
   return note;
 }
 

@@ -52,10 +52,15 @@ void RunCalibrate(CalibrateArguments arguments, Console* console) {
     json["output"] = arguments.out.string();
     fmt::print("{}\n", JsonText(json));
   } else {
-    console->Print(fmt::format("{}\nwritten to {}\n\n{}",
-                               Summary(result.calibration),
-                               arguments.out.string(),
-                               VerdictText(*result.record.verdict)));
+    const std::string out = arguments.out.string();
+    const bool wants_more =
+        result.record.verdict->grade != Grade::kGood && !result.record.HasScene();
+    console->Print(fmt::format(
+        "{}\nwritten to {}{}\n\n{}",
+        Summary(result.calibration),
+        out,
+        wants_more ? fmt::format("; what to record next: plenocal suggest {}", out) : "",
+        VerdictText(*result.record.verdict)));
   }
   CheckRequirement(arguments, *result.record.verdict);
 }

@@ -273,7 +273,7 @@ TEST_F(Init, LeavesTheSameChoiceAsImagesWithoutASession) {
   ASSERT_EQ(Run({"calibrate", "set", "--target", kWord, "-o", "b", "--no-report"}).status, kDone);
   EXPECT_EQ(Read("a/poses.csv"), Read("b/poses.csv"));
   EXPECT_THAT(session.out,
-              HasSubstr("To fix the choice, state it in the session: cam: {model: " +
+              HasSubstr("To keep this choice, state it in the session: cam: {model: " +
                         Result("a")["cameras"]["cam"]["model"].as<std::string>() +
                         "}, refine_target: false."));
 }

@@ -207,6 +207,13 @@ TEST_F(Results, SummaryNamesWhatAPersonWantsToKnow) {
   }
 }
 
+TEST_F(Results, SummaryNamesTheCommandForMoreImagesWhereTheyAreWanted) {
+  WriteProblem(MakeProblem(3, {.cameras = 1, .frames = 3, .noise = 0.1}));
+  const Outcome outcome = Calibrate();
+  EXPECT_THAT(outcome.out, HasSubstr("verdict: bad"));
+  EXPECT_THAT(outcome.out, HasSubstr("what to record next: plenocal suggest out\n"));
+}
+
 TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
   WriteProblem(EasyProblem(2));
   const YAML::Node free = [&] {

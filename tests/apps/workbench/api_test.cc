@@ -327,7 +327,8 @@ TEST_F(ApiOfAFolder, WeighsPicturesOfTheStatedSizesAlone) {
   }
   // There is no calibration here.
   EXPECT_THAT(look("left:7"), HasSubstr("calibration.yaml"));
-  EXPECT_EQ(Ask("POST", {"look", "keep"}, "{}").status, 200);
+  EXPECT_EQ(Ask("POST", {"look", "keep"}, R"({"frame": "a"})").status, 200);
+  EXPECT_THAT(Ask("POST", {"look", "keep"}, "{}").body, HasSubstr("frame: expected a text"));
 }
 
 TEST_F(ApiOfAFolder, TakesAModelIntoTheSession) {

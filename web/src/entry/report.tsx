@@ -17,6 +17,13 @@ declare global {
   }
 }
 
+/** When the file was written, "2026-11-28". */
+function day(): string {
+  const time = new Date(document.lastModified);
+  const two = (value: number): string => String(value).padStart(2, "0");
+  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())}`;
+}
+
 function Page({ data }: { data: PageData }) {
   switch (data.kind) {
     case "calibration":
@@ -38,6 +45,7 @@ const made = document.createElement("div");
 followColours();
 try {
   text.after(made);
+  document.title += `, ${day()}`;
   render(<Page data={JSON.parse(document.getElementById("report-data")?.textContent ?? "") as PageData} />, made);
   text.remove();
   made.id = "page";
