@@ -53,12 +53,12 @@ Measured AngleOf(const SpacePoint& a, const SpacePoint& b, const SpacePoint& c) 
   return angle;
 }
 
-MeasuredPlane PlaneOf(std::span<const SpacePoint> points) {
+MeasuredPlane PlaneOf(std::span<const SpacePoint* const> points) {
   MeasuredPlane plane{.degrees = static_cast<int>(points.size()) - 3};
   if (plane.degrees < 0) return plane;
   const auto n = static_cast<Eigen::Index>(points.size());
   Eigen::Matrix<double, Eigen::Dynamic, 3> X(n, 3);
-  for (Eigen::Index i = 0; i < n; ++i) X.row(i) = points[static_cast<size_t>(i)].position;
+  for (Eigen::Index i = 0; i < n; ++i) X.row(i) = points[static_cast<size_t>(i)]->position;
   const Eigen::RowVector3d middle = X.colwise().mean();
   const Eigen::Matrix<double, Eigen::Dynamic, 3> about = X.rowwise() - middle;
   const SymmetricEigen3 spread = DecomposeSymmetric(Eigen::Matrix3d(about.transpose() * about));
@@ -72,19 +72,19 @@ MeasuredPlane PlaneOf(std::span<const SpacePoint> points) {
   constexpr int kSteps = 5;
   for (int step = 0; step <= kSteps; ++step) {
     Eigen::MatrixXd covariance(n, n);
-    Eigen::MatrixXd by_root(n, points[0].shared.cols());
+    Eigen::MatrixXd by_root(n, points[0]->shared.cols());
     Eigen::VectorXd distance(n);
     Eigen::Matrix<double, Eigen::Dynamic, 3> by(n, 3);
     const Eigen::Vector3d e1 = plane.normal.unitOrthogonal(), e2 = plane.normal.cross(e1);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const SpacePoint& point = points[static_cast<size_t>(i)];
+      const SpacePoint& point = *points[static_cast<size_t>(i)];
       distance[i] = plane.normal.dot(point.position) - plane.offset;
       by.row(i) << e1.dot(point.position), e2.dot(point.position), -1;
       by_root.row(i) = plane.normal.transpose() * point.shared;
     }
     covariance = by_root * by_root.transpose();
     for (Eigen::Index i = 0; i < n; ++i) {
-      covariance(i, i) += plane.normal.dot(points[static_cast<size_t>(i)].noise * plane.normal);
+      covariance(i, i) += plane.normal.dot(points[static_cast<size_t>(i)]->noise * plane.normal);
     }
     const Eigen::LLT<Eigen::MatrixXd> root(covariance);
     const Eigen::MatrixXd J = root.matrixL().solve(by);

@@ -34,6 +34,6 @@ struct MeasuredPlane {
   double probability = 1;           ///< of a larger chi-square
 };
 /// Nothing (`degrees` < 0) for fewer than three points, or points on a line.
-MeasuredPlane PlaneOf(std::span<const SpacePoint> points);
+MeasuredPlane PlaneOf(std::span<const SpacePoint* const> points);
 
 }  // namespace plenocal

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -230,25 +231,18 @@ class Job {
                    "test the calibration with 'plenocal compare --check', state --sigma."});
   }
 
-  const SpacePoint* Find(const std::string& frame, int marker) const {
-    for (const TriangulatedPoint& each : made_.points) {
-      if (each.used && each.frame == frame && each.marker == marker && each.point.rho > 0) {
-        return &each.point;
-      }
-    }
-    return nullptr;
-  }
-
   // Calls measure(points) where the frame has all of them.
   template <typename Measure>
   void Each(const std::string& frame,
             const std::string& kind,
             const std::vector<std::vector<int>>& sets,
+            const std::map<int, const SpacePoint*>& by_number,
             const Measure& measure) {
     for (const std::vector<int>& numbers : sets) {
-      std::vector<SpacePoint> points;
+      std::vector<const SpacePoint*> points;
       for (const int number : numbers) {
-        if (const SpacePoint* point = Find(frame, number)) points.push_back(*point);
+        const auto found = by_number.find(number);
+        if (found != by_number.end()) points.push_back(found->second);
       }
       const std::string of = fmt::format("{}", fmt::join(numbers, " "));
       if (points.size() == numbers.size()) {
@@ -263,23 +257,27 @@ class Job {
   }
 
   void MeasureIn(const std::string& frame) {
-    std::vector<std::vector<int>> lengths = request_.lengths;
-    if (request_.all_lengths) {
-      std::vector<int> numbers;
-      for (const TriangulatedPoint& each : made_.points) {
-        if (each.frame == frame && each.used && each.point.rho > 0) numbers.push_back(each.marker);
-      }
-      for (size_t i = 0; i < numbers.size(); ++i) {
-        for (size_t j = i + 1; j < numbers.size(); ++j) lengths.push_back({numbers[i], numbers[j]});
+    std::map<int, const SpacePoint*> by_number;
+    for (const TriangulatedPoint& each : made_.points) {
+      if (each.used && each.frame == frame && each.point.rho > 0) {
+        by_number.emplace(each.marker, &each.point);
       }
     }
-    Each(frame, "length", lengths, [](const auto& points, TriangulatedMeasure* measure) {
-      measure->number = LengthOf(points[0], points[1]);
+    std::vector<std::vector<int>> lengths = request_.lengths;
+    if (request_.all_lengths) {
+      for (auto i = by_number.begin(); i != by_number.end(); ++i) {
+        for (auto j = std::next(i); j != by_number.end(); ++j) {
+          lengths.push_back({i->first, j->first});
+        }
+      }
+    }
+    Each(frame, "length", lengths, by_number, [](const auto& points, auto* measure) {
+      measure->number = LengthOf(*points[0], *points[1]);
     });
-    Each(frame, "angle", request_.angles, [](const auto& points, TriangulatedMeasure* measure) {
-      measure->number = AngleOf(points[0], points[1], points[2]);
+    Each(frame, "angle", request_.angles, by_number, [](const auto& points, auto* measure) {
+      measure->number = AngleOf(*points[0], *points[1], *points[2]);
     });
-    Each(frame, "plane", request_.planes, [](const auto& points, TriangulatedMeasure* measure) {
+    Each(frame, "plane", request_.planes, by_number, [](const auto& points, auto* measure) {
       measure->plane = PlaneOf(points);
     });
   }

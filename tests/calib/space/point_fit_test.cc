@@ -393,7 +393,9 @@ TEST(Measures, AngleAndPlaneHaveTheStandardErrorsOfTheirDerivatives) {
       points.push_back(FitPoint(rig, Seen(truth, X, 1, 0, &random)));
     const Measured found = AngleOf(points[0], points[1], points[2]);
     angles += std::pow((found.value - angle) / found.Sigma(), 2) / kDraws;
-    const MeasuredPlane plane = PlaneOf(points);
+    std::vector<const SpacePoint*> of_plane;
+    for (const SpacePoint& point : points) of_plane.push_back(&point);
+    const MeasuredPlane plane = PlaneOf(of_plane);
     ASSERT_EQ(plane.degrees, 2);
     planes += plane.chi_square / 2 / kDraws;
   }
