@@ -378,11 +378,13 @@ std::string MeasuresCsv(const Triangulation& made) {
 
 std::string SummaryYaml(const CalibrationRecord& calibration, const Triangulation& made) {
   const auto used = std::ranges::count_if(made.points, &TriangulatedPoint::used);
+  std::vector<std::string> cameras;
+  for (const std::string& camera : made.cameras) cameras.push_back(YamlQuoted(camera));
   std::string text = fmt::format(
       "plenocal: 1\ncalibration: {}\ncameras: [{}]\nframe_of_reference: {}\npoints: {}\n"
       "left_out: {}\nchi_square: {:.6g}\ndegrees: {}\nprobability: {:.4g}\nlevel: {}\nfindings:",
       YamlQuoted(calibration.path.string()),
-      fmt::join(made.cameras, ", "),
+      fmt::join(cameras, ", "),
       made.frame == SpaceFrame::kRig ? "rig" : "housing",
       used,
       made.left_out.size(),
