@@ -13,6 +13,7 @@
 #include "calib/camera/observation.h"
 #include "calib/files/calibration_record.h"
 #include "calib/files/finding.h"
+#include "calib/io/output_folder.h"
 #include "calib/space/measures.h"
 #include "calib/space/point_fit.h"
 
@@ -55,6 +56,11 @@ struct Triangulation {
   std::vector<LeftOut> left_out;  ///< points and measures
   std::vector<Finding> findings;
 };
+
+/// points.csv, shared.csv, measures.csv and triangulation.yaml (docs/formats.md).
+OutputContents TriangulationFiles(const CalibrationRecord& calibration, const Triangulation& made);
+/// A summary for a person, some lines.
+std::string TriangulationText(const Triangulation& made);
 
 /// Throws `Error`: of kind kInput for cameras, tables and measures that do not fit, of kind kJob
 /// where no point is found.
