@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <map>
 #include <numbers>
+#include <string_view>
 
 #include "calib/base/number_text.h"
+#include "calib/estimate/extrinsics.h"
 
 namespace plenocal {
 namespace {
@@ -125,17 +127,6 @@ std::string ParametersText(const Calibration& calibration, size_t c) {
   return text;
 }
 
-// Standard error of the baseline's length. The camera's centre in the rig is -R' t; to first order
-// its displacement along the baseline is -b' R' dv - b' R' [t]x dw.
-double BaselineSigma(const RigidTransform& T_camera_rig, const Matrix6d& covariance) {
-  if (!covariance.allFinite()) return std::numeric_limits<double>::infinity();
-  const Eigen::Vector3d along = T_camera_rig.Inverse().t.normalized();
-  Eigen::Matrix<double, 1, 6> J;
-  J.leftCols<3>() = -along.transpose() * T_camera_rig.R.transpose();
-  J.rightCols<3>() = -along.transpose() * T_camera_rig.R.transpose() * Hat(T_camera_rig.t);
-  return std::sqrt(std::max(0.0, (J * covariance * J.transpose()).value()));
-}
-
 std::string RotationText(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
   const Eigen::Vector3d w = LogRotation(R) * kDegrees;
   const Eigen::Vector3d sigma = covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt() * kDegrees;
@@ -145,14 +136,22 @@ std::string RotationText(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
 }
 
 std::string ExtrinsicsText(const Calibration& calibration, size_t c) {
-  const BundleCamera& camera = calibration.bundle.cameras[c];
-  const Matrix6d& covariance = calibration.uncertainty.extrinsics_covariance[c];
-  const Eigen::Vector3d centre = 1e3 * camera.T_camera_rig.Inverse().t;
-  return fmt::format("    extrinsics relative to {}: baseline {} mm, centre ({:.3f}) mm\n    {}",
-                     calibration.bundle.cameras[0].name,
-                     WithSigma(centre.norm(), 1e3 * BaselineSigma(camera.T_camera_rig, covariance)),
-                     fmt::join(centre, ", "),
-                     RotationText(camera.T_camera_rig.R, covariance));
+  const RigidTransform& T_camera_rig = calibration.bundle.cameras[c].T_camera_rig;
+  const Matrix6d chart = LogJacobian(T_camera_rig);
+  const std::vector<Extrinsic> extrinsics = ExtrinsicsOf(
+      T_camera_rig, chart * calibration.uncertainty.extrinsics_covariance[c] * chart.transpose());
+  std::map<std::string_view, std::string> text;
+  for (const Extrinsic& each : extrinsics) text[each.name] = WithSigma(each.value, each.sigma);
+  const Eigen::Vector3d centre = 1e3 * T_camera_rig.Inverse().t;
+  return fmt::format(
+      "    extrinsics relative to {}: baseline {} mm, centre ({:.3f}) mm\n"
+      "    rotation vector ({}, {}, {}) degrees\n",
+      calibration.bundle.cameras[0].name,
+      text["baseline"],
+      fmt::join(centre, ", "),
+      text["rotation about x"],
+      text["rotation about y"],
+      text["rotation about z"]);
 }
 
 std::string TimeShiftText(const Calibration& calibration, size_t c) {

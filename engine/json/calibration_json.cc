@@ -5,11 +5,11 @@
 #include <string>
 #include <utility>
 
-#include "assess/extrinsics.h"
 #include "assess/projection_map.h"
 #include "assess/residual_field.h"
 #include "assess/verdict.h"
 #include "calib/base/number_text.h"
+#include "calib/estimate/extrinsics.h"
 
 namespace plenocal {
 namespace {

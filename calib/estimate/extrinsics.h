@@ -19,6 +19,8 @@ struct Extrinsic {
 
 /// Distance from the rig's master and angle between both cameras' frames, then the camera's optical
 /// centre and rotation vector in the master's frame; mm and degrees. Empty for the master itself.
+/// `covariance`: of the se(3) vector of T_camera_rig; infinite where it is not determined.
+std::vector<Extrinsic> ExtrinsicsOf(const RigidTransform& T_camera_rig, const Matrix6d& covariance);
 std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
                                     const Correlations& correlations);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "assess/extrinsics.h"
+#include "calib/estimate/extrinsics.h"
 
 #include <Eigen/Core>
 #include <array>
@@ -36,9 +36,9 @@ Values ValuesOf(const Vector6d& xi_camera_rig) {
 
 }  // namespace
 
-std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
-                                    const Correlations& correlations) {
-  const Vector6d xi = Log(camera.T_camera_rig);
+std::vector<Extrinsic> ExtrinsicsOf(const RigidTransform& T_camera_rig,
+                                    const Matrix6d& covariance) {
+  const Vector6d xi = Log(T_camera_rig);
   if (xi.isZero(0)) return {};
   const Values values = ValuesOf(xi);
   Eigen::Matrix<double, kNames.size(), 6> J;
@@ -47,9 +47,7 @@ std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
     const Vector6d step = kStep * Vector6d::Unit(i);
     J.col(i) = (ValuesOf(xi + step) - ValuesOf(xi - step)) / (2 * kStep);
   }
-  const bool determined = camera.sigma_xi.allFinite();
-  const Eigen::MatrixXd covariance =
-      JointCovariance({&camera}, correlations).bottomRightCorner<6, 6>();
+  const bool determined = covariance.allFinite();
   std::vector<Extrinsic> extrinsics;
   for (size_t k = 0; k < kNames.size(); ++k) {
     const auto row = J.row(static_cast<Eigen::Index>(k));
@@ -61,6 +59,12 @@ std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
                                               : std::numeric_limits<double>::infinity()});
   }
   return extrinsics;
+}
+
+std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
+                                    const Correlations& correlations) {
+  return ExtrinsicsOf(camera.T_camera_rig,
+                      JointCovariance({&camera}, correlations).bottomRightCorner<6, 6>());
 }
 
 }  // namespace plenocal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "assess/extrinsics.h"
+#include "calib/estimate/extrinsics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
