@@ -109,7 +109,7 @@ OTHERS = [
     ("a model in try.yaml", ["projection"], "a quantile of what `image_sigma` is the RMS of"),
     ("try.csv", ["sigma", "image_sigma", "held_out_sigma"], "the numbers of try.yaml"),
     ("a camera in calibrate --json", ["sigma", "noise", "detector_sigma"], "the numbers of calibration.yaml"),
-    ("an item of `extrinsics`", ["sigma"], "those of `sigma_xi`, carried on; `tests/assess/extrinsics_test.cc`"),
+    ("an item of `extrinsics`", ["sigma"], "those of `sigma_xi`, carried on; `tests/calib/rig/extrinsics_test.cc`"),
     ("groundtruth", ["track_factor"], "a factor that is in the covariances"),
     ("handeye.yaml", ["calibration_errors"], "words"),
     ("merge.csv", ["in_sigmas"], "`deviation` / `sigma`"),

@@ -12,7 +12,7 @@
 #include <string_view>
 
 #include "calib/base/number_text.h"
-#include "calib/estimate/extrinsics.h"
+#include "calib/rig/extrinsics.h"
 
 namespace plenocal {
 namespace {

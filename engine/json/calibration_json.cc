@@ -9,7 +9,7 @@
 #include "assess/residual_field.h"
 #include "assess/verdict.h"
 #include "calib/base/number_text.h"
-#include "calib/estimate/extrinsics.h"
+#include "calib/rig/extrinsics.h"
 
 namespace plenocal {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/estimate/extrinsics.h"
+#include "calib/rig/extrinsics.h"
 
 #include <Eigen/Core>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/estimate/extrinsics.h"
+#include "calib/rig/extrinsics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
