@@ -54,6 +54,12 @@ std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
   return values;
 }
 
+Eigen::Matrix<double, 2, 6> ByMotion(const ProjectionJacobian& seen, const Eigen::Vector3d& p) {
+  Eigen::Matrix<double, 3, 6> moved;
+  moved << Eigen::Matrix3d::Identity(), -Hat(p);
+  return seen.by_point.topRows<2>() * moved;
+}
+
 double WorstSigma(const Eigen::MatrixXd& J, const Eigen::MatrixXd& covariance) {
   const Eigen::Matrix2d spread = J * covariance * J.transpose();
   const double greatest = (spread(0, 0) + spread(1, 1)) / 2 +
@@ -71,62 +77,55 @@ double ProjectionMap::Most(double systematic) const {
   return std::hypot(Quantile(std::move(known), kMostOfImage), systematic);
 }
 
-std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
-  constexpr int kCells = 24;
-  const CalibratedCamera& camera = calibration.cameras[c];
-  std::vector<double> distances;
-  ForEachUsed(calibration, c, [&](const ResidualRow& /*row*/, const Eigen::Vector3d& p) {
-    distances.push_back(p.norm());
-  });
-  if (!camera.covariance.allFinite() || distances.empty()) return {};
-  const auto middle = distances.begin() + std::ssize(distances) / 2;
-  std::ranges::nth_element(distances, middle);
-  const auto [nearest, farthest] = std::ranges::minmax(distances);
-  const ImageGrid grid(camera.image_size, kCells);
-  const auto cell_values = CellValues(camera, grid);
-
-  std::vector<ProjectionMap> maps;
-  std::vector<std::vector<std::optional<ProjectionJacobian>>> projected;
-  std::vector<std::vector<Eigen::Matrix<double, 2, 6>>> by_motion;
-  const Eigen::Index count = static_cast<Eigen::Index>(camera.params.size());
-  const auto by_frame = [](const ProjectionJacobian& seen, const Eigen::Vector3d& p) {
-    Eigen::Matrix<double, 3, 6> moved;
-    moved << Eigen::Matrix3d::Identity(), -Hat(p);
-    return Eigen::Matrix<double, 2, 6>(seen.by_point.topRows<2>() * moved);
-  };
-  // The observed points fix the camera frame.
+HousedProjection::HousedProjection(const CalibrationRecord& calibration, size_t c)
+    : camera_(calibration.cameras[c]) {
+  if (!camera_.covariance.allFinite()) return;
   Matrix6d normal = Matrix6d::Zero();
-  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, count);
+  Eigen::MatrixXd mixed =
+      Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(camera_.params.size()));
   ProjectionJacobian seen;
   ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
-    if (!Differentiate(camera, row.values.data(), p, &seen)) return;
-    const Eigen::Matrix<double, 2, 6> J = by_frame(seen, p);
+    distances_.push_back(p.norm());
+    if (!Differentiate(camera_, row.values.data(), p, &seen)) return;
+    const Eigen::Matrix<double, 2, 6> J = ByMotion(seen, p);
     normal.noalias() += J.transpose().lazyProduct(J);
     mixed.noalias() += J.transpose().lazyProduct(seen.by_params);
   });
-  for (const double distance : {nearest, *middle, farthest, 10 * farthest}) {
-    maps.push_back({distance, grid, std::vector<double>(grid.Cells(), std::nan(""))});
-    auto& here = projected.emplace_back(grid.Cells());
-    auto& motion = by_motion.emplace_back(grid.Cells());
+  if (!distances_.empty()) follow_ = SolveSymmetric(normal, mixed);
+  std::ranges::sort(distances_);
+}
+
+bool HousedProjection::IsKnown() const { return follow_.size() > 0 && follow_.allFinite(); }
+
+double HousedProjection::Sigma(const double* values, double distance) const {
+  const std::optional<Ray> ray =
+      camera_.model->Unproject(camera_.params.data(), camera_.config.data(), values);
+  if (!ray) return std::nan("");
+  const Eigen::Vector3d p = ray->origin + distance * ray->direction;
+  ProjectionJacobian seen;
+  if (!Differentiate(camera_, values, p, &seen)) return std::nan("");
+  return WorstSigma(seen.by_params - ByMotion(seen, p) * follow_, camera_.covariance);
+}
+
+std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
+  constexpr int kCells = 24;
+  const CalibratedCamera& camera = calibration.cameras[c];
+  const HousedProjection projection(calibration, c);
+  if (!projection.IsKnown()) return {};
+  const std::vector<double>& distances = projection.distances();
+  const ImageGrid grid(camera.image_size, kCells);
+  const auto cell_values = CellValues(camera, grid);
+  std::vector<ProjectionMap> maps;
+  for (const double distance : {distances.front(),
+                                distances[distances.size() / 2],
+                                distances.back(),
+                                10 * distances.back()}) {
+    ProjectionMap& map = maps.emplace_back(ProjectionMap{distance, grid, {}});
     for (size_t cell = 0; cell < grid.Cells(); ++cell) {
-      if (!cell_values[cell]) continue;
-      if (camera.image_circle && !camera.image_circle->Has(grid.Middle(cell))) continue;
-      const std::optional<Ray> ray = camera.model->Unproject(
-          camera.params.data(), camera.config.data(), cell_values[cell]->data());
-      if (!ray) continue;
-      const Eigen::Vector3d p = ray->origin + distance * ray->direction;
-      if (!Differentiate(camera, cell_values[cell]->data(), p, &seen)) continue;
-      here[cell] = seen;
-      motion[cell] = by_frame(seen, p);
-    }
-  }
-  const Eigen::MatrixXd follow = SolveSymmetric(normal, mixed);
-  if (!follow.allFinite()) return {};
-  for (size_t m = 0; m < maps.size(); ++m) {
-    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
-      if (!projected[m][cell]) continue;
-      const Eigen::MatrixXd J = projected[m][cell]->by_params - by_motion[m][cell] * follow;
-      maps[m].sigma[cell] = WorstSigma(J, camera.covariance);
+      const bool outside = camera.image_circle && !camera.image_circle->Has(grid.Middle(cell));
+      map.sigma.push_back(cell_values[cell] && !outside
+                              ? projection.Sigma(cell_values[cell]->data(), distance)
+                              : std::nan(""));
     }
   }
   return maps;

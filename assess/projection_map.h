@@ -26,10 +26,30 @@ struct ProjectionMap {
   [[nodiscard]] double Most(double systematic = 0) const;
 };
 
+/// Standard error of a camera's projection by errors of its parameters, less the rigid motion of
+/// the camera frame that compensates most of them over the observed points: an error that a
+/// rotation of the frame compensates belongs to every pose, not to the camera (as in mrcal).
+class HousedProjection {
+ public:
+  /// Keeps a reference to the camera.
+  HousedProjection(const CalibrationRecord& calibration, size_t camera);
+
+  /// False without a covariance or observed points.
+  [[nodiscard]] bool IsKnown() const;
+  /// In its worst direction, px, of the point at a distance (m) on the ray of an observation's
+  /// `values`; NaN outside the domain of the model. REQUIRES: IsKnown().
+  [[nodiscard]] double Sigma(const double* values, double distance) const;
+  /// Of the used points, ascending, m.
+  [[nodiscard]] const std::vector<double>& distances() const { return distances_; }
+
+ private:
+  const CalibratedCamera& camera_;
+  std::vector<double> distances_;
+  Eigen::MatrixXd follow_;  // motion by the parameters, 6 x params
+};
+
 /// Maps at the nearest, the median and the farthest distance of the used points and at ten times
-/// the farthest. Errors of the parameters only, less the rigid motion of the camera frame that
-/// compensates most of them over the observed points: an error that a rotation of the frame
-/// compensates belongs to every pose, not to the camera (as in mrcal). Empty without a covariance.
+/// the farthest (`HousedProjection`). Empty where it is not known.
 std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t camera);
 
 /// Standard error of the distance of a marker, measured by one camera from one image.

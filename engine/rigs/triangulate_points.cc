@@ -34,14 +34,16 @@ CalibrationRecord Open(const fs::path& path) {
 
 class Job {
  public:
-  Job(const CalibrationRecord& calibration, const TriangulateRequest& request, const Run& run)
-      : calibration_(calibration), request_(request), run_(run) {
-    for (const auto& [camera, path] : request.tables) {
-      if (std::ranges::find(made_.cameras, camera) != made_.cameras.end()) {
-        throw InputError("{}: camera '{}' has a table already", path.string(), camera);
+  Job(const CalibrationRecord& calibration,
+      const std::vector<SeenPoints>& seen,
+      const TriangulateRequest& request,
+      const Run& run)
+      : calibration_(calibration), seen_(seen), request_(request), run_(run) {
+    for (const SeenPoints& each : seen) {
+      if (std::ranges::find(made_.cameras, each.camera) != made_.cameras.end()) {
+        throw InputError("{}: camera '{}' has points already", each.source, each.camera);
       }
-      made_.cameras.push_back(camera);
-      tables_.push_back(ReadDetections(path, *FindCamera(calibration, camera).model));
+      made_.cameras.push_back(each.camera);
     }
     CheckRequest();
     rig_ = MakeSpaceRig(calibration, made_.cameras, SharedCounts());
@@ -60,14 +62,16 @@ class Job {
   }
 
  private:
+  [[nodiscard]] std::string Name() const {
+    return calibration_.path.empty() ? "the calibration" : calibration_.path.string();
+  }
+
   void CheckRequest() const {
-    if (tables_.empty())
-      throw InputError("give the tables of one camera or more, as left=left.csv");
-    if (tables_.size() == 1 && !FindCamera(calibration_, made_.cameras[0]).model->plenoptic) {
+    if (seen_.empty()) throw InputError("give the points of one camera or more");
+    if (seen_.size() == 1 && !FindCamera(calibration_, made_.cameras[0]).model->plenoptic) {
       throw InputError(
-          "{}: one ordinary camera sees directions, no points; give the table of another "
-          "camera, too",
-          request_.tables[0].second.string());
+          "{}: one ordinary camera sees directions, no points; give those of another camera, too",
+          seen_[0].source);
     }
     const auto check = [](const auto& sets, const char* option, size_t least, size_t most) {
       for (const std::vector<int>& numbers : sets) {
@@ -89,9 +93,9 @@ class Job {
   // The displacements that the tables of each camera state.
   [[nodiscard]] std::vector<size_t> SharedCounts() const {
     std::vector<size_t> counts;
-    for (size_t c = 0; c < tables_.size(); ++c) {
+    for (size_t c = 0; c < seen_.size(); ++c) {
       size_t most = 0;
-      for (const View& view : tables_[c]) {
+      for (const View& view : seen_[c].views) {
         for (const std::vector<double>& by : view.by_nuisance) most = std::max(most, by.size());
       }
       counts.push_back(most / FindCamera(calibration_, made_.cameras[c]).model->measured.size());
@@ -101,7 +105,7 @@ class Job {
 
   void Warn() {
     const auto warn = [&](const std::string& what) {
-      run_.Warning(fmt::format("{}: {}", calibration_.path.string(), what));
+      run_.Warning(fmt::format("{}: {}", Name(), what));
     };
     if (rig_.unknowns.empty()) {
       warn("no standard errors; those of points contain the noise of the images alone");
@@ -123,8 +127,8 @@ class Job {
 
   void FindPoints() {
     std::map<std::string, std::map<int, std::vector<SpaceObservation>>> seen;
-    for (size_t c = 0; c < tables_.size(); ++c) {
-      for (const View& view : tables_[c]) {
+    for (size_t c = 0; c < seen_.size(); ++c) {
+      for (const View& view : seen_[c].views) {
         if (!seen.contains(view.frame)) frames_.push_back(view.frame);
         for (size_t i = 0; i < view.observations.size(); ++i) {
           const Observation& each = view.observations[i];
@@ -146,7 +150,7 @@ class Job {
           if (each.sigma > 0) continue;
           throw InputError("camera '{}' has no noise in {}: state it with --sigma",
                            made_.cameras[each.camera],
-                           calibration_.path.string());
+                           Name());
         }
       }
     }
@@ -154,7 +158,7 @@ class Job {
       throw InputError(
           "--frame housing needs the calibration's own points: give the folder that 'plenocal "
           "calibrate' wrote, in place of {}",
-          calibration_.path.string());
+          Name());
     }
     ParallelFor(of_point.size(), run_.threads, [&](size_t i) {
       made_.points[i].point = FitPoint(rig_, of_point[i], request_.frame);
@@ -171,12 +175,12 @@ class Job {
     }
     if (misses.empty() || Median(misses) <= kFar) return;
     std::vector<std::string> names;
-    for (const auto& [camera, path] : request_.tables) {
-      names.push_back(fmt::format("{}={}", camera, path.string()));
+    for (const SeenPoints& each : seen_) {
+      names.push_back(fmt::format("{}={}", each.camera, each.source));
     }
     throw InputError(
         "{}: rays of one point miss each other by {:.3g} times their noise in half of the points; "
-        "check that the tables belong to these cameras, and have the same numbers for the same "
+        "check that they belong to these cameras, and have the same numbers for the same "
         "points",
         fmt::join(names, ", "),
         Median(misses));
@@ -280,9 +284,9 @@ class Job {
   }
 
   const CalibrationRecord& calibration_;
+  const std::vector<SeenPoints>& seen_;
   const TriangulateRequest& request_;
   const Run& run_;
-  std::vector<std::vector<View>> tables_;  // by camera
   std::vector<std::string> frames_;
   SpaceRig rig_;
   Triangulation made_;
@@ -294,16 +298,24 @@ std::string TriangulatedPoint::Place() const { return fmt::format("{} point {}",
 
 Triangulation TriangulatePoints(const TriangulateRequest& request, const Run& run) {
   const RunScope inputs;
-  return TriangulatePoints(Open(request.calibration), request, run);
+  const CalibrationRecord calibration = Open(request.calibration);
+  std::vector<SeenPoints> seen;
+  for (const auto& [camera, path] : request.tables) {
+    seen.push_back({.camera = camera,
+                    .source = path.string(),
+                    .views = ReadDetections(path, *FindCamera(calibration, camera).model)});
+  }
+  return TriangulatePoints(calibration, seen, request, run);
 }
 
 Triangulation TriangulatePoints(const CalibrationRecord& calibration,
+                                const std::vector<SeenPoints>& seen,
                                 const TriangulateRequest& request,
                                 const Run& run) {
   const RunScope inputs;
   UseAsInput(calibration.path);
   const std::unique_ptr<OutputFolder> out = OpenOutput(request.out);
-  Triangulation made = Job(calibration, request, run).Make();
+  Triangulation made = Job(calibration, seen, request, run).Make();
   if (!out) return made;
   for (const auto& [name, text] : TriangulationFiles(calibration, made)) out->Write(name, text);
   out->Commit();

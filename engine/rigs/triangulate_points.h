@@ -19,9 +19,16 @@
 
 namespace plenocal {
 
+/// Places at which a camera sees points; images of one instant have one frame.
+struct SeenPoints {
+  std::string camera;
+  std::string source;  ///< for messages: file, or name
+  std::vector<View> views;
+};
+
 struct TriangulateRequest {
   std::filesystem::path calibration;  ///< folder of `calibrate`, or a calibration.yaml
-  /// Names of cameras and their tables of detections; images of one instant have one frame.
+  /// Names of cameras and their tables of detections.
   std::vector<std::pair<std::string, std::filesystem::path>> tables;
   std::optional<double> sigma;  ///< of each coordinate, px; not set: the calibration's noise
   SpaceFrame frame = SpaceFrame::kRig;
@@ -62,10 +69,11 @@ OutputContents TriangulationFiles(const CalibrationRecord& calibration, const Tr
 /// A summary for a person, some lines.
 std::string TriangulationText(const Triangulation& made);
 
-/// Throws `Error`: of kind kInput for cameras, tables and measures that do not fit, of kind kJob
+/// Throws `Error`: of kind kInput for cameras, points and measures that do not fit, of kind kJob
 /// where no point is found.
 Triangulation TriangulatePoints(const TriangulateRequest& request, const Run& run);
 Triangulation TriangulatePoints(const CalibrationRecord& calibration,
+                                const std::vector<SeenPoints>& seen,
                                 const TriangulateRequest& request,
                                 const Run& run);
 

@@ -33,6 +33,7 @@ from .images import Focused, Rectified, White, focus, rectify, rectify_maps, und
 from .model import INTRINSICS, CameraModel, Param, register
 from .program import run
 from .session import Session
+from .space import Measured, Plane, SpacePoints, triangulate
 from .target import Target, detect
 
 if TYPE_CHECKING:
@@ -83,11 +84,14 @@ __all__ = [
     "GradeError",
     "InputError",
     "JobError",
+    "Measured",
     "Param",
+    "Plane",
     "Projection",
     "Rays",
     "Rectified",
     "Session",
+    "SpacePoints",
     "Target",
     "White",
     "calibrate",
@@ -107,6 +111,7 @@ __all__ = [
     "run",
     "simulate",
     "suggest",
+    "triangulate",
     "try_models",
     "undistort",
     "undistort_maps",

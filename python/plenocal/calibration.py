@@ -114,10 +114,32 @@ class Calibration:
         """One row per observation of a camera (its name or index): frame, marker, measured coordinates and
         context (px), residual_x, residual_y (measured minus predicted, px; NaN outside the model's
         domain), noise_sigma (px) and used (false: rejected). Fits pandas.DataFrame as it is."""
-        index = [c.name for c in self._cameras].index(self[camera].name)
-        columns = self._native.residuals(index)
+        columns = self._native.residuals(self._index(camera))
         columns["used"] = columns["used"].astype(bool)
         return table(columns)
+
+    def projection_sigma(
+        self, pixels: Any, distance: float, camera: str | int = 0, context: Any = None
+    ) -> FloatArray:
+        """(N,): standard error of the projection in its worst direction, px, less the part that a motion of the camera's
+        frame compensates: as the report's maps. NaN where the model forms no image.
+
+        Args:
+            pixels: image points (N, M), px.
+            distance: of the points on their rays, m.
+            camera: its name or index.
+            context: as of `Camera.project`.
+
+        Raises `InputError`, also for a calibration without standard errors or without its residuals.
+        """
+        if not 0 < distance < float("inf"):
+            raise InputError(f"distance: expected a positive number of metres, found {distance}")
+        return _core.projection_sigma(
+            self._native, self._index(camera), self[camera]._values(pixels, context), distance
+        )
+
+    def _index(self, camera: str | int) -> int:
+        return [c.name for c in self._cameras].index(self[camera].name)
 
     @property
     def correlations(self) -> tuple[list[str], FloatArray]:

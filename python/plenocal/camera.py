@@ -233,7 +233,8 @@ class Camera:
         """Covariances (N, M, M), px^2, of the projections of fixed points, by the covariance of the parameters.
 
         Computed to first order; infinite where a parameter that is not determined has an effect. A
-        motion of the camera's frame can compensate a part of it; `image_sigma` leaves that part out.
+        motion of the camera's frame can compensate most of it; `Calibration.projection_sigma` and
+        `image_sigma` leave that part out.
 
         Args:
             points: (N, 3), in the camera's frame, m.
@@ -288,6 +289,14 @@ class Camera:
         if len(rows) != len(points):
             raise InputError(f"context: expected {len(points)} rows, found {len(rows)}")
         return rows
+
+    def _values(self, pixels: Any, context: Any, name: str = "pixels") -> FloatArray:
+        """(N, M + C): pixels with their contexts."""
+        import numpy as np
+
+        rows = floats(pixels, name, len(self.measured))
+        contexts = self._contexts(context, rows)
+        return rows if contexts is None else np.hstack([rows, contexts])
 
     def __repr__(self) -> str:
         width, height = self.image_size

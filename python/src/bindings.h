@@ -24,6 +24,7 @@ void BindImages(nb::module_& module);
 void BindProgram(nb::module_& module);
 void BindCamera(nb::module_& module);
 void BindCalibration(nb::module_& module);
+void BindSpace(nb::module_& module);
 void BindTarget(nb::module_& module);
 void BindViews(nb::module_& module);
 void BindModels(nb::module_& module);

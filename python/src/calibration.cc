@@ -36,6 +36,8 @@ Record Load(const std::filesystem::path& path) {
 Record OfCameras(const std::vector<CalibratedCamera>& cameras) {
   Record calibration;
   calibration.record.cameras = cameras;
+  // Their frames are another calibration's.
+  for (CalibratedCamera& camera : calibration.record.cameras) camera.residuals.clear();
   return calibration;
 }
 

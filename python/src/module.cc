@@ -56,6 +56,7 @@ NB_MODULE(_core, module) {
   BindProgram(module);
   BindCamera(module);
   BindCalibration(module);
+  BindSpace(module);
   BindTarget(module);
   BindViews(module);
   BindModels(module);

@@ -119,7 +119,7 @@ TEST_F(Triangulate, NamesWhatDoesNotFit) {
   };
   const std::string left = "left=new/detections_left.csv", right = "right=new/detections_right.csv";
   refused({left}, "one ordinary camera sees directions");
-  refused({left, left}, "camera 'left' has a table already");
+  refused({left, left}, "camera 'left' has points already");
   refused({"new/detections_left.csv"}, "expected a camera and its table");
   refused({left, "rihgt=new/detections_right.csv"}, "rihgt");
   refused({left, "right=new/none.csv"}, "new/none.csv");
