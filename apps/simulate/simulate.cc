@@ -70,7 +70,8 @@ CalibrationRecord TrueCalibration(const Scene& scene) {
   const std::vector<CameraSpec>& cameras = scene.spec.cameras;
   for (size_t c = 0; c < cameras.size(); ++c) {
     if (scene.spec.poses.moving && c > 0) {
-      truth.cameras[c].time_shift = TimeShift{cameras[c].time_shift - cameras[0].time_shift, 0};
+      truth.cameras[c].time_shift =
+          EstimatedNumber{cameras[c].time_shift - cameras[0].time_shift, 0};
     }
     CameraFit& fit = truth.cameras[c].fit;
     for (const View& view : scene.views[c]) {

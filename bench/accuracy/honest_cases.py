@@ -98,6 +98,7 @@ MOST_WRONG = 0.05  # of these
 OTHERS = [
     ("detections", ["x_shared_<n>", "y_shared_<n>"], "given by the detector: what the common error moves; its size is estimated"),
     ("`lattice_<camera>.yaml`", ["covariance"], "of polynomials, not of a result; by `tests/calib/camera/lattice_errors_test.cc`"),
+    ("a camera in calibration.yaml", ["nuisances"], "by `tests/calib/plenoptic_test.cc`"),
     ("points.csv of triangulate", ["sigma_rho", "cov_x_x", "cov_z_z", "noise_x_x", "noise_z_z", "sigma_z_noise", "sigma_z_calibration"], "by `bench/space` and `tests/calib/space/point_fit_test.cc`"),
     ("shared.csv", ["c_1"], "the same"),
     ("measures.csv", ["sigma", "sigma_noise", "sigma_calibration"], "the same"),

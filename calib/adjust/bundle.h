@@ -189,7 +189,7 @@ void AddNuisance(const NuisanceKind& kind, double prior_sigma, BundleCamera* cam
 /// values.
 void AddSharedErrors(std::span<const View> views, BundleCamera* camera);
 
-/// "left.nuisance_1", "right.time_shift": of the parameter at `index` of `camera.params`.
+/// "left.shared_1", "right.time_shift": of the parameter at `index` of `camera.params`.
 std::string NuisanceName(const BundleCamera& camera, size_t index);
 
 /// The observation with its measured coordinates as they are without systematic displacements.

@@ -6,7 +6,7 @@
 namespace plenocal::nuisances {
 
 constinit const NuisanceKind kSharedError{
-    .name = "nuisance",
+    .name = "shared",
     .numbered = true,
     .unit = 2,  // the prior, of standard deviation 1, determines it
     .displace = [](const BundleObservation& observation,

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
 #include "calib/estimate/weak_unknowns.h"
 #include "calib/files/calibration_tables.h"
@@ -108,28 +107,6 @@ void DescribeMarkers(const Calibration& calibration, CalibrationRecord* record) 
   }
 }
 
-// The rest of `all` without the nuisance parameters that files do not hold.
-Correlations WithoutNuisances(const Calibration& calibration, const Correlations& all) {
-  std::set<int> nuisances;
-  for (size_t c = 0; c < calibration.bundle.cameras.size(); ++c) {
-    const std::vector<int>& index = calibration.uncertainty.param_index[c];
-    const BundleCamera& camera = calibration.bundle.cameras[c];
-    for (size_t k = camera.ModelParams(); k < index.size(); ++k) {
-      if (camera.nuisances[k - camera.ModelParams()] == &nuisances::kSharedError)
-        nuisances.insert(index[k]);
-    }
-  }
-  std::vector<int> kept;
-  Correlations rest;
-  for (int i = 0; i < static_cast<int>(all.names.size()); ++i) {
-    if (nuisances.contains(i)) continue;
-    kept.push_back(i);
-    rest.names.push_back(all.names[static_cast<size_t>(i)]);
-  }
-  rest.matrix = all.matrix(kept, kept);
-  return rest;
-}
-
 std::vector<TargetRecord> DescribeTargets(const Calibration& calibration) {
   std::vector<TargetRecord> records;
   const Uncertainty& uncertainty = calibration.uncertainty;
@@ -167,6 +144,12 @@ CalibratedCamera DescribeCamera(const Calibration& calibration, size_t c) {
   if (const std::optional<size_t> shift = camera.Find(nuisances::kTimeShift)) {
     described.time_shift = {.value = camera.params[*shift], .sigma = std_errors[*shift]};
   }
+  for (size_t k = camera.ModelParams(); k < camera.params.size(); ++k) {
+    const bool estimated = calibration.uncertainty.param_index[c][k] >= 0;
+    if (!estimated || camera.nuisances[k - camera.ModelParams()] != &nuisances::kSharedError)
+      continue;
+    described.nuisances.push_back({.value = camera.params[k], .sigma = std_errors[k]});
+  }
   for (size_t k = 0; k < std::min(camera.at_bound.size(), camera.ModelParams()); ++k) {
     if (camera.at_bound[k]) described.at_bound.emplace_back(camera.model->params[k].name);
   }
@@ -201,7 +184,7 @@ Correlations DescribeCorrelations(const Calibration& calibration) {
   for (size_t k = 0; k < uncertainty.target_index.size(); ++k) {
     convert(uncertainty.target_index[k], calibration.bundle.targets[k].T_target_own);
   }
-  return WithoutNuisances(calibration, result);
+  return result;
 }
 
 CalibrationRecord Describe(const Calibration& calibration) {

@@ -95,7 +95,7 @@ class WeakUnknownsFinder {
     const auto of_camera = [&](size_t i) {
       const std::string& name = uncertainty_.names[i];
       return name.starts_with(prefix) && !name.starts_with(prefix + "T_camera_rig") &&
-             !IsOpen(name) && !Contains(of_field, name) && !name.starts_with(prefix + "nuisance_");
+             !IsOpen(name) && !Contains(of_field, name) && !name.starts_with(prefix + "shared_");
     };
     std::vector<std::string> names;
     double strongest = 0;

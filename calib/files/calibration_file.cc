@@ -98,6 +98,10 @@ std::string ResidualsMap(const CameraFit& fit) {
   return text + "}";
 }
 
+std::string EstimateMap(const EstimatedNumber& estimate) {
+  return fmt::format("{{value: {}, sigma: {}}}", Exact(estimate.value), YamlNumber(estimate.sigma));
+}
+
 // Distances that are infinite are left out.
 std::string LensTypesYaml(const std::vector<LensTypeOptics>& types) {
   std::string text = types.empty() ? "" : "    lens_types:\n";
@@ -173,6 +177,13 @@ std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   if (camera.time_shift) {
     add("time_shift", Exact(camera.time_shift->value));
     add("sigma_time_shift", YamlNumber(camera.time_shift->sigma));
+  }
+  if (!camera.nuisances.empty()) {
+    size_t k = 0;
+    const std::string sizes = Joined(camera.nuisances, [&](const EstimatedNumber& size) {
+      return fmt::format("shared_{}: {}", ++k, EstimateMap(size));
+    });
+    add("nuisances", fmt::format("{{{}}}", sizes));
   }
   add("residuals", ResidualsMap(camera.fit));
   for (const auto& [key, member] : kCameraTextKeys) {
@@ -282,6 +293,10 @@ double ReadRms(const YamlNode& node) {
 // A standard deviation; `.inf` for that of what is not determined.
 double ReadSigma(const YamlNode& node) {
   return node.AsString() == ".inf" ? std::numeric_limits<double>::infinity() : ReadRms(node);
+}
+
+EstimatedNumber ReadEstimate(const YamlNode& node) {
+  return {.value = node.At("value").AsNumber(), .sigma = ReadRms(node.At("sigma"))};
 }
 
 std::vector<double> ReadParamSigmas(const YamlNode& node, const CameraModel& model) {
@@ -425,6 +440,12 @@ CalibratedCamera ReadCamera(const std::string& name,
   if (const auto shift = node.Find("time_shift")) {
     camera.time_shift = {.value = shift->AsNumber(),
                          .sigma = ReadSigma(node.At("sigma_time_shift"))};
+  }
+  for (const auto& [key, size] : Entries(node, "nuisances")) {
+    const std::string expected = fmt::format("shared_{}", camera.nuisances.size() + 1);
+    if (key != expected) size.Fail(fmt::format("expected {}, found {}", expected, key));
+    camera.nuisances.push_back(ReadEstimate(size));
+    if (!(camera.nuisances.back().sigma > 0)) size.Fail("expected a sigma above 0");
   }
   camera.at_bound = Strings(node, "at_bound");
   if (const auto sigma = node.Find("sigma_jackknife")) {

@@ -91,6 +91,11 @@ Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& came
           camera->sigma_xi[static_cast<Eigen::Index>(i)]);
     }
   }
+  for (const CalibratedCamera* camera : cameras) {
+    for (size_t k = 0; k < camera->nuisances.size(); ++k) {
+      add(fmt::format("{}.shared_{}", camera->name, k + 1), camera->nuisances[k].sigma);
+    }
+  }
   const auto count = static_cast<Eigen::Index>(sigma.size());
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(count, count);
   for (Eigen::Index i = 0; i < count; ++i) {

@@ -82,9 +82,10 @@ struct ViewPose {
   bool misplaced = false;  ///< farther from the frame's pose than the rig's jitter explains
 };
 
-/// A time with its standard error, s.
-struct TimeShift {
+/// A number with its standard error.
+struct EstimatedNumber {
   double value = 0, sigma = 0;
+  bool operator==(const EstimatedNumber&) const = default;
 };
 
 /// One calibrated camera.
@@ -102,7 +103,10 @@ struct CalibratedCamera {
   Vector6d sigma_xi = Vector6d::Zero();  ///< of T_camera_rig's se(3) vector
   /// By how much later than their times its images were taken, by the clock of the first
   /// camera, s; not set: not estimated.
-  std::optional<TimeShift> time_shift = {};
+  std::optional<EstimatedNumber> time_shift = {};
+  /// Sizes of the displacements common to all images (`View::by_nuisance`), in standard deviations
+  /// of their priors.
+  std::vector<EstimatedNumber> nuisances = {};
   /// Names of files beside calibration.yaml: the micro lenses of a plenoptic camera, the errors of
   /// their centres, the attenuation, pictures of one frame; and that frame's name. Empty: there is
   /// none.
@@ -191,8 +195,9 @@ struct WeakUnknowns {
   std::string remedy;              ///< what to do, in sentences; ends in a full stop
 };
 
-/// Correlations of all unknowns of a calibration. Parameters are named "camera.name", the
-/// components of a camera's se(3) vector "camera.T_camera_rig.x", y, z, w_x, w_y, w_z.
+/// Correlations of all unknowns of a calibration. Parameters are named "camera.name", sizes of
+/// common displacements "camera.shared_1", ..., the components of a camera's se(3) vector
+/// "camera.T_camera_rig.x", y, z, w_x, w_y, w_z.
 struct Correlations {
   std::vector<std::string> names;
   Eigen::MatrixXd matrix;
@@ -236,8 +241,8 @@ std::filesystem::path FileBeside(const CalibrationRecord& calibration, const std
 Eigen::MatrixXd CovarianceOf(const std::vector<double>& sigma, const Eigen::MatrixXd& correlation);
 
 /// Covariance of the parameters and the se(3) vectors of some cameras of one record, camera by
-/// camera. Unknowns that `correlations` does not name have the correlations of
-/// `CalibratedCamera::covariance` alone. Infinite as there.
+/// camera, then of all their `nuisances`. Unknowns that `correlations` does not name have the
+/// correlations of `CalibratedCamera::covariance` alone. Infinite as there.
 Eigen::MatrixXd JointCovariance(const std::vector<const CalibratedCamera*>& cameras,
                                 const Correlations& correlations);
 

@@ -35,13 +35,17 @@ bool StatesParam(const CalibratedCamera& camera, size_t param) {
 // then the chart of its extrinsics.
 class PriorMaker {
  public:
-  explicit PriorMaker(const std::vector<const CalibratedCamera*>& cameras) : cameras_(cameras) {
+  PriorMaker(const std::vector<const CalibratedCamera*>& cameras, bool with_nuisances)
+      : cameras_(cameras) {
     for (const CalibratedCamera* camera : cameras) {
       first_.push_back(count_);
-      count_ += static_cast<Eigen::Index>(camera->params.size()) + 6;
+      count_ += std::ssize(camera->params) + 6;
     }
+    const Eigen::Index first_nuisance = count_;
+    for (const CalibratedCamera* camera : cameras) count_ += std::ssize(camera->nuisances);
     chart_ = Eigen::MatrixXd::Identity(count_, count_);
     for (size_t c = 0; c < cameras.size(); ++c) AddCamera(c);
+    if (with_nuisances) AddNuisances(first_nuisance);
   }
 
   std::optional<CalibrationPrior> Make(const Correlations& correlations) {
@@ -57,7 +61,7 @@ class PriorMaker {
 
  private:
   [[nodiscard]] Eigen::Index Extrinsics(size_t c) const {
-    return first_[c] + static_cast<Eigen::Index>(cameras_[c]->params.size());
+    return first_[c] + std::ssize(cameras_[c]->params);
   }
 
   void AddCamera(size_t c) {
@@ -78,6 +82,17 @@ class PriorMaker {
     for (Eigen::Index i = 0; i < 6; ++i) {
       prior_.unknowns.push_back({.camera = c, .component = i});
       rows_.push_back(own + i);
+    }
+  }
+
+  void AddNuisances(Eigen::Index row) {
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      const CalibratedCamera& camera = *cameras_[c];
+      for (size_t k = 0; k < camera.nuisances.size(); ++k) {
+        prior_.unknowns.push_back(
+            {.camera = c, .param = camera.params.size() + k, .value = camera.nuisances[k].value});
+        rows_.push_back(row++);
+      }
     }
   }
 
@@ -141,7 +156,8 @@ RelativeChart ChartOfRelative(const RigidTransform& T_camera_rig,
 }
 
 CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
-                                std::span<const std::string> names) {
+                                std::span<const std::string> names,
+                                bool with_nuisances) {
   std::vector<const CalibratedCamera*> chosen;
   for (const std::string& name : names) chosen.push_back(&FindCamera(calibration, name));
   if (names.empty()) {
@@ -150,8 +166,13 @@ CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
   CalibratedRig rig;
   for (const CalibratedCamera* camera : chosen) {
     rig.cameras.push_back(MakeCamera(*camera, *chosen[0]));
+    for (size_t k = 0; with_nuisances && k < camera->nuisances.size(); ++k) {
+      rig.cameras.back().params.push_back(camera->nuisances[k].value);
+      rig.cameras.back().fixed.push_back(false);
+      rig.cameras.back().nuisances.push_back(&nuisances::kSharedError);
+    }
   }
-  rig.prior = PriorMaker(chosen).Make(calibration.correlations);
+  rig.prior = PriorMaker(chosen, with_nuisances).Make(calibration.correlations);
   return rig;
 }
 

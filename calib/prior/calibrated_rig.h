@@ -22,10 +22,13 @@ struct CalibratedRig {
 
 /// The cameras of these names (empty: all), in this order; the first one's frame becomes the rig's.
 /// Parameters and extrinsics with a standard error are estimated, with their joint covariance as
-/// prior; those with none, and those that the calibration leaves open, are fixed. Throws `Error` of
-/// kind kInput for an unknown name.
+/// prior; those with none, and those that the calibration leaves open, are fixed.
+/// `with_nuisances`: the cameras have the sizes of common displacements that the calibration
+/// states, too, as unknowns of the prior; else the prior is the marginal one of the rest. Throws
+/// `Error` of kind kInput for an unknown name.
 CalibratedRig MakeCalibratedRig(const CalibrationRecord& calibration,
-                                std::span<const std::string> names);
+                                std::span<const std::string> names,
+                                bool with_nuisances = false);
 
 /// Standard errors that were scaled for errors which the points of a frame share, in some cameras
 /// and with the correlations as they were, would make the well known combinations of several

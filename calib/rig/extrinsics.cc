@@ -63,8 +63,9 @@ std::vector<Extrinsic> ExtrinsicsOf(const RigidTransform& T_camera_rig,
 
 std::vector<Extrinsic> ExtrinsicsOf(const CalibratedCamera& camera,
                                     const Correlations& correlations) {
+  const Eigen::Index first = std::ssize(camera.params);
   return ExtrinsicsOf(camera.T_camera_rig,
-                      JointCovariance({&camera}, correlations).bottomRightCorner<6, 6>());
+                      JointCovariance({&camera}, correlations).block<6, 6>(first, first));
 }
 
 }  // namespace plenocal

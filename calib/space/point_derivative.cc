@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/space/point_derivative.h"
 
-#include <vector>
+#include <algorithm>
 
 namespace plenocal {
 
@@ -33,7 +33,13 @@ bool Differentiate(const SpaceRig& rig,
                                  model.homogeneous ? h : 1)) {
     return false;
   }
+  // Columns: displacements by one standard deviation of the prior of each size.
+  const Eigen::Index shared = std::ssize(seen.by_shared) / rows;
+  const Eigen::Map<const Rows> displaced(seen.by_shared.data(), rows, shared);
   out->residual = Eigen::Map<const Eigen::VectorXd>(seen.values.data(), rows) - predicted;
+  const Eigen::Index stated = std::min<Eigen::Index>(shared, std::ssize(camera.nuisances));
+  out->residual -= displaced.leftCols(stated) *
+                   Eigen::Map<const Eigen::VectorXd>(camera.params.data() + count, stated);
   out->by_point = by_camera_point * camera.T_camera_rig.R / scale;
   out->by_h = by_h + by_camera_point * camera.T_camera_rig.t / scale;
   if (!model.homogeneous) out->by_h -= by_camera_point * at / scale;
@@ -44,7 +50,10 @@ bool Differentiate(const SpaceRig& rig,
     const CalibrationPrior::Unknown& unknown = rig.unknowns[i];
     if (unknown.camera != seen.camera) continue;
     auto column = out->by_theta.col(static_cast<Eigen::Index>(i));
-    if (unknown.param) {
+    if (unknown.param >= model.params.size()) {
+      const auto size = static_cast<Eigen::Index>(*unknown.param) - count;
+      if (size < shared) column = displaced.col(size);
+    } else if (unknown.param) {
       column = by_params.col(static_cast<Eigen::Index>(*unknown.param));
     } else if (unknown.component < 3) {
       column = by_camera_point.col(unknown.component) * (h / scale);
@@ -52,10 +61,8 @@ bool Differentiate(const SpaceRig& rig,
       column = by_camera_point * turned.col(unknown.component - 3);
     }
   }
-  if (seen.by_shared.empty()) return true;
-  const auto shared = static_cast<Eigen::Index>(seen.by_shared.size()) / rows;
-  out->by_theta.middleCols(rig.first_shared[seen.camera], shared) =
-      Eigen::Map<const Rows>(seen.by_shared.data(), rows, shared);
+  out->by_theta.middleCols(rig.first_shared[seen.camera], shared - stated) =
+      displaced.rightCols(shared - stated);
   return true;
 }
 

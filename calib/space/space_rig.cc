@@ -78,7 +78,7 @@ SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
   const std::vector<const CalibratedCamera*> chosen = Chosen(calibration, names);
   std::vector<std::string> chosen_names;
   for (const CalibratedCamera* camera : chosen) chosen_names.push_back(camera->name);
-  CalibratedRig calibrated = MakeCalibratedRig(calibration, chosen_names);
+  CalibratedRig calibrated = MakeCalibratedRig(calibration, chosen_names, true);
   SpaceRig rig;
   rig.cameras = std::move(calibrated.cameras);
   Eigen::Index size = 0;
@@ -89,8 +89,10 @@ SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
   }
   const Eigen::Index of_calibration = size;
   for (size_t c = 0; c < chosen.size(); ++c) {
+    const Eigen::Index stated = std::ssize(rig.cameras[c].nuisances);
     rig.first_shared.push_back(size);
-    if (!shared.empty()) size += static_cast<Eigen::Index>(shared[c]);
+    if (!shared.empty())
+      size += std::max<Eigen::Index>(0, static_cast<Eigen::Index>(shared[c]) - stated);
     rig.fits.push_back(chosen[c]->fit);
     AddOpen(*chosen[c], &rig.open);
   }

@@ -14,13 +14,14 @@ namespace plenocal {
 
 /// Calibrated cameras and the covariance C of theta (docs/space.md): their estimated parameters and
 /// the charts of their extrinsics, then the sizes of systematic displacements that all images of a
-/// camera share. The first camera's frame is the rig's.
+/// camera share, first those that the calibration states. The first camera's frame is the rig's.
 struct SpaceRig {
   std::vector<BundleCamera> cameras;
-  std::vector<CalibrationPrior::Unknown> unknowns;  ///< parameters and charts
+  /// Parameters, charts and the sizes of displacements that the calibration states.
+  std::vector<CalibrationPrior::Unknown> unknowns;
   /// L with L L' = C; no column for a calibration without standard errors.
   Eigen::MatrixXd root;
-  std::vector<Eigen::Index> first_shared;  ///< by camera: its first displacement in theta
+  std::vector<Eigen::Index> first_shared;  ///< by camera: its first other displacement in theta
   /// Derivative by theta of the rigid motion (translation, rotation vector; of the points, in the
   /// rig's frame) by which the calibration's own points follow an error of theta, 6 x theta; empty
   /// where the calibration has no residuals. Its points then hold the frame
@@ -39,8 +40,8 @@ struct SpaceRig {
 /// The rig of the cameras of these names (empty: all), in this order. Standard errors that were
 /// scaled for errors which the points of a frame share are scaled alike (`ScaleAlike`). Throws
 /// `Error` of kind kInput for an unknown name.
-/// `shared`: by camera, the number of `View::by_nuisance` of its images, whose sizes have standard
-/// normal priors.
+/// `shared`: by camera, the number of `View::by_nuisance` of its images; sizes that the calibration
+/// does not state have standard normal priors.
 SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
                       const std::vector<std::string>& names,
                       const std::vector<size_t>& shared = {});

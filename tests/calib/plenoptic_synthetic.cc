@@ -96,6 +96,7 @@ PlenopticProblem MakePlenopticProblem(unsigned seed, const PlenopticOptions& opt
     }
   }
   const double shared_slope = options.shared_slope > 0 ? noise.Gaussian(options.shared_slope) : 0;
+  if (options.shared_slope > 0) problem.shared_size = shared_slope / options.shared_slope;
   for (int f = 0; f < options.frames; ++f) {
     const double tilt = options.tilt_factor * random.Uniform(0.3, 0.8),
                  azimuth = random.Uniform(0, 6.3);

@@ -39,6 +39,7 @@ struct PlenopticOptions {
 struct PlenopticProblem {
   CalibrationInput input;
   std::vector<double> params;
+  double shared_size = 0;  ///< of the displacement by `shared_slope`, in its standard deviations
   std::map<int, Eigen::Vector3d> markers;
 };
 

@@ -10,9 +10,12 @@
 #include <iostream>
 
 #include "calib/base/error.h"
+#include "calib/base/statistics.h"
 #include "calib/estimate/calibrate.h"
+#include "calib/estimate/describe.h"
 #include "calib/estimate/weak_unknowns.h"
 #include "calib/noise/jackknife.h"
+#include "calib/prior/calibrated_rig.h"
 #include "models/registry.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"
@@ -247,6 +250,33 @@ TEST(PlenopticNuisances, AreEstimatedWithTheCameraAndAreInItsSigmas) {
       {.noise = 0.1, .shared_slope = 0.02}, 0.5, 1.7, [](const Calibration& calibration) {
         EXPECT_TRUE(calibration.findings.empty());
       });
+}
+
+TEST(PlenopticNuisances, AreWrittenWithTheirJointCovariance) {
+  constexpr unsigned kRuns = 16;
+  double squares = 0, joint = 0, degrees = 0;
+  for (unsigned i = 0; i < kRuns; ++i) {
+    const Problem problem = MakePlenopticProblem(500 + i, {.noise = 0.1, .shared_slope = 0.02});
+    const CalibrationRecord record = Describe(Calibrate(problem.input, {}));
+    const CalibratedCamera& camera = record.cameras[0];
+    ASSERT_EQ(camera.nuisances.size(), 1U);
+    const auto& [value, sigma] = camera.nuisances[0];
+    EXPECT_LT(std::abs(value - problem.shared_size), 3.5 * sigma);
+    squares += std::pow((value - problem.shared_size) / sigma, 2);
+    const CalibratedRig rig = MakeCalibratedRig(record, {}, true);
+    Eigen::VectorXd error(rig.prior->unknowns.size());
+    for (size_t k = 0; k < rig.prior->unknowns.size(); ++k) {
+      const size_t param = *rig.prior->unknowns[k].param;
+      error[static_cast<Eigen::Index>(k)] =
+          rig.cameras[0].params[param] -
+          (param < problem.params.size() ? problem.params[param] : problem.shared_size);
+    }
+    joint += (rig.prior->weight * error).squaredNorm();
+    degrees += static_cast<double>(error.size());
+  }
+  EXPECT_LT(squares, ChiSquareQuantile(kRuns, 1e-3));
+  EXPECT_GT(joint, ChiSquareQuantile(degrees, 1 - 1e-3));
+  EXPECT_LT(joint, ChiSquareQuantile(degrees, 1e-3));
 }
 
 // Images of a point by templates of a wrong depth are those through other micro lenses by right

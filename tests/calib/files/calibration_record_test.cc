@@ -82,6 +82,7 @@ CalibratedCamera Plenoptic() {
                           .covariance = Eigen::MatrixXd::Zero(9, 9),
                           .T_camera_rig = SomePose(0.2)};
   camera.sigma_xi << 1e-4, 2e-4, 3e-4, 1e-3, kInfinite, 3e-3;
+  camera.nuisances = {{-0.75, 0.125}, {1.5, 0.5}};
   camera.micro_lenses = "micro_lenses_plenoptic.csv";
   camera.lattice = "lattice_plenoptic.yaml";
   camera.vignetting = "vignetting_plenoptic.tiff";
@@ -204,6 +205,7 @@ TEST_F(RecordFiles, KeepUncertainties) {
       }
     }
     EXPECT_EQ(b.sigma_xi, a.sigma_xi);
+    EXPECT_EQ(b.nuisances, a.nuisances);
     EXPECT_EQ(b.at_bound, a.at_bound);
     EXPECT_EQ(b.sigma_jackknife, a.sigma_jackknife);
     EXPECT_EQ(b.sigma_xi_jackknife, a.sigma_xi_jackknife);

@@ -31,6 +31,7 @@ struct RigOptions {
   double baseline = 0.1;    // m
   double calibration = 1;   // factor on the calibration's standard errors
   double common_noise = 0;  // px
+  bool nuisances = false;   // a displacement common to all images, which correlates with parameters
 };
 
 /// A rig whose parameters and extrinsics are uncertain and correlated: one number shifts all.
@@ -55,6 +56,11 @@ CalibrationRecord UncertainRig(const RigOptions& options) {
     camera.covariance = CovarianceOf(sigma, correlation);
     camera.fit.noise_sigma = std::hypot(kNoise, options.common_noise);
     camera.fit.common_noise = options.common_noise;
+    if (options.nuisances) {
+      camera.nuisances = {{0.7, 0.4}};
+      record.correlations = {{camera.name + ".B", camera.name + ".shared_1"},
+                             Eigen::MatrixXd{{1, 0.6}, {0.6, 1}}};
+    }
     if (c == 0) continue;
     Vector6d xi;
     xi << -options.baseline * static_cast<double>(c), 0.002, -0.003, 0.01, -0.02, 0.015;
@@ -109,6 +115,12 @@ std::vector<SpaceObservation> Seen(const std::vector<BundleCamera>& truth,
         each.values[3] = truth[c].image_size[1] / 2.0 + kPitch * (lens / 3 - 1);
       }
       if (!ImageOf(truth[c], X, h, each.values.data())) continue;
+      if (!truth[c].nuisances.empty()) {
+        for (size_t k = 0; k < 2; ++k) {
+          each.by_shared.push_back(0.01 * (each.values[k] - each.values[k + 2]));
+          each.values[k] += truth[c].params.back() * each.by_shared[k];
+        }
+      }
       const Eigen::Vector2d noise = random->Gaussians<2>(kNoise);
       for (size_t k = 0; k < 2; ++k) {
         each.values[k] += noise[static_cast<Eigen::Index>(k)];
@@ -228,6 +240,11 @@ TEST(PointFit, StandardErrorsHoldForFisheyes) {
 
 TEST(PointFit, StandardErrorsHoldForAPlenopticCamera) {
   ExpectTrue({.models = {"focused-plenoptic"}, .calibration = 0.1, .common_noise = 0.04},
+             {0.8, 1, 1.2});
+}
+
+TEST(PointFit, StandardErrorsHoldWithDisplacementsThatTheCalibrationStates) {
+  ExpectTrue({.models = {"focused-plenoptic"}, .calibration = 0.1, .nuisances = true},
              {0.8, 1, 1.2});
 }
 
