@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -129,53 +128,6 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
     }
   }
   return maps;
-}
-
-std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calibration,
-                                                  size_t c,
-                                                  size_t most) {
-  const CalibratedCamera& camera = calibration.cameras[c];
-  if (!camera.covariance.allFinite() || !camera.model->plenoptic) return {};
-  std::map<std::pair<int, int>, std::vector<const ResidualRow*>> seen;  // by frame, marker
-  for (const ResidualRow& row : camera.residuals) {
-    if (row.used) seen[{row.frame, row.marker}].push_back(&row);
-  }
-  std::erase_if(seen, [](const auto& item) { return item.second.size() < 2; });
-  const size_t step = std::max<size_t>(1, (seen.size() + most - 1) / std::max<size_t>(most, 1));
-  std::vector<DistancePrecision> precisions;
-  ProjectionJacobian projected;
-  size_t index = 0;
-  for (const auto& [key, rows] : seen) {
-    if (index++ % step != 0) continue;
-    const Eigen::Vector3d p =
-        calibration.CameraFromTarget(c, key.first) * calibration.markers.at(key.second).position;
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Eigen::MatrixXd mixed =
-        Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(camera.params.size()));
-    for (const ResidualRow* row : rows) {
-      if (!Differentiate(camera, row->values.data(), p, &projected)) continue;
-      const double sigma = row->noise_sigma > 0 ? row->noise_sigma : camera.fit.noise_sigma;
-      if (!(sigma > 0)) continue;
-      const Eigen::Matrix<double, 3, 2> weighted =
-          projected.by_point.topRows<2>().transpose() / (sigma * sigma);
-      normal += weighted * projected.by_point.topRows<2>();
-      mixed += weighted * projected.by_params;
-    }
-    const Eigen::FullPivLU<Eigen::Matrix3d> factor(normal);
-    if (!factor.isInvertible()) continue;
-    const Eigen::Matrix3d covariance = factor.inverse();
-    const Eigen::Vector3d along = p.normalized();
-    // dp = -(J_p' W J_p)^-1 J_p' W J_params dparams
-    const Eigen::RowVectorXd by_params = along.transpose() * covariance * mixed;
-    precisions.push_back(
-        {p.norm(),
-         std::sqrt(std::max(0.0, (by_params * camera.covariance * by_params.transpose()).value())),
-         std::sqrt(std::max(0.0, along.dot(covariance * along)))});
-  }
-  std::sort(precisions.begin(), precisions.end(), [](const auto& a, const auto& b) {
-    return a.distance < b.distance;
-  });
-  return precisions;
 }
 
 }  // namespace plenocal

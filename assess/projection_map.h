@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Uncertainty of projections and of measured distances that follows from that of the parameters.
+// Uncertainty of projections that follows from that of the parameters.
 #pragma once
 
 #include <vector>
@@ -51,18 +51,5 @@ class HousedProjection {
 /// Maps at the nearest, the median and the farthest distance of the used points and at ten times
 /// the farthest (`HousedProjection`). Empty where it is not known.
 std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t camera);
-
-/// Standard error of the distance of a marker, measured by one camera from one image.
-struct DistancePrecision {
-  double distance = 0;     ///< m
-  double calibration = 0;  ///< part from errors of the parameters, m
-  double noise = 0;        ///< part from noise of the marker's observations, m
-};
-
-/// Of markers that the camera saw through several micro lenses, at most `most`, every k-th, by
-/// distance. Empty when the camera sees a marker only once in an image.
-std::vector<DistancePrecision> DistancePrecisions(const CalibrationRecord& calibration,
-                                                  size_t camera,
-                                                  size_t most);
 
 }  // namespace plenocal

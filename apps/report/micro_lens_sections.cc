@@ -13,6 +13,14 @@ namespace plenocal {
 
 using Json = nlohmann::json;
 
+namespace {
+
+double PitchOf(const Eigen::MatrixXd& lattice) {
+  return (lattice.row(1).norm() + lattice.row(2).norm()) / 2;
+}
+
+}  // namespace
+
 MicroLensTable::MicroLensTable(const std::string& csv, const std::string& name) {
   CsvReader table(csv, name);
   const size_t x = table.Column("x"), y = table.Column("y"), type = table.Column("type");
@@ -54,10 +62,12 @@ std::vector<int> MicroLensTable::TypesOf(const CalibratedCamera& camera) const {
   return types;
 }
 
-Json MicroLensTable::GridSection(ImageSize image_size) const {
+bool MicroLensTable::HasLattice() const {
   constexpr size_t kLeast = 6;
-  if (!has_lattice_ || lenses_.size() < kLeast) return nullptr;
-  // centre = offset + column * e_column + row * e_row
+  return has_lattice_ && lenses_.size() >= kLeast;
+}
+
+Eigen::MatrixXd MicroLensTable::Lattice(Eigen::MatrixXd* off) const {
   const auto count = static_cast<Eigen::Index>(lenses_.size());
   Eigen::MatrixXd A(count, 3), b(count, 2);
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -65,22 +75,37 @@ Json MicroLensTable::GridSection(ImageSize image_size) const {
     A.row(i) << 1, lens.column, lens.row;
     b.row(i) = lens.centre.transpose();
   }
-  const Eigen::MatrixXd fit =
+  Eigen::MatrixXd fit =
       SolveSymmetric(Eigen::MatrixXd(A.transpose() * A), Eigen::MatrixXd(A.transpose() * b));
-  const Eigen::MatrixXd off = b - A * fit;
+  if (off != nullptr) *off = b - A * fit;
+  return fit;
+}
 
+MicroLensVisibility MicroLensTable::Visibility(ImageSize image_size) const {
+  std::vector<Eigen::Vector2d> centres;
+  for (const Lens& lens : lenses_) centres.push_back(lens.centre);
+  return {image_size, PitchOf(Lattice(nullptr)), std::move(centres)};
+}
+
+Json MicroLensTable::GridSection(ImageSize image_size) const {
+  if (!HasLattice()) return nullptr;
+  Eigen::MatrixXd off;
+  const Eigen::MatrixXd fit = Lattice(&off);
   std::vector<ResidualRow> deviations;
   std::map<int, int> types;
-  for (Eigen::Index i = 0; i < count; ++i) {
-    deviations.push_back({.values = {b(i, 0), b(i, 1)}, .residual = {off(i, 0), off(i, 1)}});
-    ++types[lenses_[static_cast<size_t>(i)].type];
+  for (size_t i = 0; i < lenses_.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    const Eigen::Vector2d& centre = lenses_[i].centre;
+    deviations.push_back(
+        {.values = {centre.x(), centre.y()}, .residual = {off(row, 0), off(row, 1)}});
+    ++types[lenses_[i].type];
   }
   Json by_type = Json::array();
   for (const auto& [type, lenses] : types) by_type.push_back({{"type", type}, {"lenses", lenses}});
   return {{"lenses", lenses_.size()},
           {"types", by_type},
-          {"pitch", Short((fit.row(1).norm() + fit.row(2).norm()) / 2, 6)},
-          {"rms", Short(std::sqrt(off.squaredNorm() / static_cast<double>(count)))},
+          {"pitch", Short(PitchOf(fit), 6)},
+          {"rms", Short(std::sqrt(off.squaredNorm() / static_cast<double>(lenses_.size())))},
           {"field", FieldJson(image_size, std::move(deviations))}};
 }
 

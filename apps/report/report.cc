@@ -17,10 +17,11 @@
 #include "apps/report/micro_lens_sections.h"
 #include "apps/report/page.h"
 #include "apps/report/residual_sections.h"
-#include "assess/projection_map.h"
 #include "calib/camera/marker_id.h"
 #include "calib/estimate/calibrate.h"
+#include "engine/json/accuracy_json.h"
 #include "engine/json/calibration_json.h"
+#include "engine/rigs/predict_accuracy.h"
 
 namespace plenocal {
 namespace {
@@ -66,27 +67,28 @@ std::string SummaryOf(const CalibratedCamera& camera) {
       detector);
 }
 
-Json PrecisionJson(const std::vector<DistancePrecision>& precisions) {
-  Json distance = Json::array(), calibration = Json::array(), noise = Json::array();
-  for (const DistancePrecision& each : precisions) {
-    distance.push_back(Short(each.distance));
-    calibration.push_back(Short(each.calibration, 3));
-    noise.push_back(Short(each.noise, 3));
-  }
-  return {{"distance", distance}, {"calibration", calibration}, {"noise", noise}};
-}
-
 // Diameter of the disc, px, by which each lens type blurs, at distances around those of the
 // markers.
-Json LensTypesJson(const CalibratedCamera& camera, const std::vector<DistancePrecision>& markers) {
+Json LensTypesJson(const CalibrationRecord& calibration, size_t c) {
+  const CalibratedCamera& camera = calibration.cameras[c];
   const auto geometry = MicroLensGeometryOf(camera);
   Json types = Json::array();
-  if (!geometry || camera.lens_type_optics.empty() || markers.empty()) return types;
+  if (!geometry || camera.lens_type_optics.empty()) return types;
+  double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
+  for (const ResidualRow& row : camera.residuals) {
+    if (!row.used) continue;
+    const double distance =
+        (calibration.CameraFromTarget(c, row.frame) * calibration.markers.at(row.marker).position)
+            .norm();
+    nearest = std::min(nearest, distance);
+    farthest = std::max(farthest, distance);
+  }
+  if (!(farthest > 0)) return types;
   constexpr int kSteps = 100;
   constexpr double kBeyond = 2;     // times the nearest and the farthest marker
   constexpr double kInFront = 1.1;  // of f_L: there is no real image of what is nearer
-  const double from = std::max(markers.front().distance / kBeyond, kInFront * geometry->f_L);
-  const double to = markers.back().distance * kBeyond;
+  const double from = std::max(nearest / kBeyond, kInFront * geometry->f_L);
+  const double to = farthest * kBeyond;
   for (const LensTypeOptics& type : camera.lens_type_optics) {
     Json distance = Json::array(), disc = Json::array();
     for (int i = 0; i <= kSteps; ++i) {
@@ -186,16 +188,18 @@ class ReportData {
                  {"correlation", CorrelationJson(calibration_)},
                  {"left_out", calibration_.left_out},
                  {"provenance", provenance}});
+    std::vector<MicroLensVisibility> lenses(calibration_.cameras.size());
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      data["cameras"][calibration_.cameras[c].name].update(CameraSections(c));
+      data["cameras"][calibration_.cameras[c].name].update(CameraSections(c, &lenses[c]));
     }
+    data["accuracy"] = AccuracyJson(AccuracyInBrief(calibration_, lenses));
     return data;
   }
 
  private:
-  [[nodiscard]] Json CameraSections(size_t c) const {
+  [[nodiscard]] Json CameraSections(size_t c, MicroLensVisibility* lenses) const {
     // Limits over all cameras, so that the page stays small and quick.
-    constexpr size_t kMostPoints = 60'000, kMostOfOne = 6'000, kMostPrecisions = 600;
+    constexpr size_t kMostPoints = 60'000, kMostOfOne = 6'000;
     const CalibratedCamera& camera = calibration_.cameras[c];
     std::vector<int> lens_types;
     Json micro_lenses;
@@ -203,6 +207,7 @@ class ReportData {
       const MicroLensTable table(*csv, files_.Path(camera.micro_lenses));
       if (camera.model->plenoptic) lens_types = table.TypesOf(camera);
       micro_lenses = table.GridSection(camera.image_size);
+      if (table.HasLattice()) *lenses = table.Visibility(camera.image_size);
     }
     Json vignetting;
     if (const std::string* tiff = files_.Find(camera.vignetting)) {
@@ -216,8 +221,6 @@ class ReportData {
         pictures[key] = "data:image/jpeg;base64," + Base64(*jpeg);
       }
     }
-    const std::vector<DistancePrecision> precisions =
-        DistancePrecisions(calibration_, c, kMostPrecisions);
     return {{"source", camera.model->source},
             {"summary", SummaryOf(camera)},
             {"residual_table", ResidualTable(camera.fit)},
@@ -227,8 +230,7 @@ class ReportData {
                               std::min(kMostOfOne, kMostPoints / calibration_.cameras.size()),
                               lens_types)},
             {"projection", SigmaMapsJson(calibration_, c)},
-            {"distance", PrecisionJson(precisions)},
-            {"lens_types", LensTypesJson(camera, precisions)},
+            {"lens_types", LensTypesJson(calibration_, c)},
             {"vignetting", vignetting},
             {"micro_lenses", micro_lenses},
             {"sample", {{"frame", camera.sample_frame}, {"pictures", pictures}}}};
@@ -259,10 +261,19 @@ std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& 
   return MakePage(TitleOf(calibration), CalibrationText(data), data);
 }
 
+namespace {
+
+CameraFiles FilesOf(const std::filesystem::path& out, const SessionCalibration& calibration) {
+  CameraFiles files{out, {}};
+  for (const CameraFile& file : calibration.files) files.contents[file.name] = file.content;
+  return files;
+}
+
+}  // namespace
+
 void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibration* calibration) {
   run.Progress("report");
-  CameraFiles files{out, {}};
-  for (const CameraFile& file : calibration->files) files.contents[file.name] = file.content;
+  const CameraFiles files = FilesOf(out, *calibration);
   if (calibration->target) AddTarget(*calibration->target, &calibration->record);
   std::string html;
   // A calibration is not lost because its report fails.
@@ -273,6 +284,29 @@ void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibrat
     return;
   }
   calibration->folders->out()->Write("report.html", html);
+}
+
+std::string AccuracyLines(const std::filesystem::path& out, const SessionCalibration& calibration) {
+  const CameraFiles files = FilesOf(out, calibration);
+  std::vector<MicroLensVisibility> lenses;
+  for (const CalibratedCamera& camera : calibration.record.cameras) {
+    MicroLensVisibility& of_camera = lenses.emplace_back();
+    const std::string* csv = files.Find(camera.micro_lenses);
+    if (csv == nullptr) continue;
+    const MicroLensTable table(*csv, files.Path(camera.micro_lenses));
+    if (table.HasLattice()) of_camera = table.Visibility(camera.image_size);
+  }
+  std::string text;
+  for (const RigAccuracy& accuracy : AccuracyInBrief(calibration.record, lenses)) {
+    // At the farthest marker.
+    const auto at =
+        std::ranges::min_element(accuracy.distances, {}, [](const AccuracyAtDistance& each) {
+          return std::abs(std::log(each.seen_at.value_or(1)));
+        });
+    text += "  " + AccuracyLine(accuracy, *at) + "\n";
+  }
+  if (text.empty()) return text;
+  return "standard errors in space (more: plenocal accuracy)\n" + text + "\n";
 }
 
 }  // namespace plenocal

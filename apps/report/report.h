@@ -20,4 +20,9 @@ std::string ReportHtml(const CalibrationRecord& calibration, const CameraFiles& 
 /// made, `run` gets a message.
 void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibration* calibration);
 
+/// What a rig or a plenoptic camera is worth at its farthest marker, a line for each set of
+/// cameras, then an empty one; empty for one ordinary camera. `out` as in `AddReport`, for
+/// messages.
+std::string AccuracyLines(const std::filesystem::path& out, const SessionCalibration& calibration);
+
 }  // namespace plenocal

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 namespace plenocal {
 namespace {
@@ -28,18 +29,28 @@ std::optional<Eigen::Vector2d> Through(const BundleCamera& camera,
   return u_px;
 }
 
+std::vector<Eigen::Vector2d> UsableCentres(const MicroLensArray& array) {
+  std::vector<Eigen::Vector2d> centres;
+  for (const MicroLens& lens : array.lenses) {
+    if (lens.usable) centres.push_back(lens.centre);
+  }
+  return centres;
+}
+
 }  // namespace
 
 MicroLensVisibility::MicroLensVisibility(const MicroLensArray& array)
-    : pitch_(array.Pitch()),
-      columns_(static_cast<int>(array.image_size[0] / pitch_) + 1),
-      rows_(static_cast<int>(array.image_size[1] / pitch_) + 1),
+    : MicroLensVisibility(array.image_size, array.Pitch(), UsableCentres(array)) {}
+
+MicroLensVisibility::MicroLensVisibility(ImageSize image_size,
+                                         double pitch,
+                                         std::vector<Eigen::Vector2d> centres)
+    : pitch_(pitch),
+      columns_(static_cast<int>(image_size[0] / pitch_) + 1),
+      rows_(static_cast<int>(image_size[1] / pitch_) + 1),
+      centres_(std::move(centres)),
       buckets_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)) {
-  for (const MicroLens& lens : array.lenses) {
-    if (!lens.usable) continue;
-    buckets_[Bucket(lens.centre)].push_back(centres_.size());
-    centres_.push_back(lens.centre);
-  }
+  for (size_t i = 0; i < centres_.size(); ++i) buckets_[Bucket(centres_[i])].push_back(i);
 }
 
 size_t MicroLensVisibility::Bucket(const Eigen::Vector2d& u_px) const {

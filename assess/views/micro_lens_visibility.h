@@ -17,6 +17,9 @@ class MicroLensVisibility {
   /// `array`: of at least one micro lens.
   explicit MicroLensVisibility(const MicroLensArray& array);
 
+  /// `centres` of micro images, px, at least one; `pitch`: distance of neighbours, px.
+  MicroLensVisibility(ImageSize image_size, double pitch, std::vector<Eigen::Vector2d> centres);
+
   [[nodiscard]] bool HasLenses() const { return !centres_.empty(); }
   /// Centre of the micro image nearest to a place in the raw image, px.
   [[nodiscard]] Eigen::Vector2d Nearest(const Eigen::Vector2d& u_px) const;

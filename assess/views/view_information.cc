@@ -9,10 +9,12 @@
 #include <map>
 #include <utility>
 
+#include "assess/views/place_in_image.h"
 #include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
 #include "calib/kernels/row_products.h"
 
 namespace plenocal {
@@ -93,28 +95,18 @@ std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
     if (seen.all < kFewestLenses) return std::nullopt;
     return seen.image;
   }
-  const std::array<double, kMaxObservationSize> values{};
-  const auto project = [&](const Eigen::Vector3d& point, Eigen::Vector2d* u_px) {
-    return camera.model->Project(
-        camera.params.data(), camera.config.data(), values.data(), point, u_px->data());
-  };
-  Eigen::Vector2d u;
-  if (!project(p, &u)) return std::nullopt;
-  const Eigen::Vector2d end(camera.image_size[0] - 1 - kBorder, camera.image_size[1] - 1 - kBorder);
-  if (!(u.minCoeff() >= kBorder) || !(u.x() <= end.x()) || !(u.y() <= end.y())) return std::nullopt;
-  // Models may fold places far outside the image back into it.
-  const std::array<double, kMaxObservationSize> at{u.x(), u.y()};
-  const auto ray = camera.model->Unproject(camera.params.data(), camera.config.data(), at.data());
-  constexpr double kSameRay = 0.999;
-  if (!ray || !(ray->direction.dot(p.normalized()) > kSameRay)) return std::nullopt;
+  const std::optional<Eigen::Vector2d> u = PlaceInImage(camera, p, kBorder);
+  if (!u) return std::nullopt;
   if (shape_.finest <= 0) return u;
   const Eigen::Vector3d facing =
       marker.normal == Eigen::Vector3d::Zero() ? Eigen::Vector3d(-p.normalized()) : normal;
   const Eigen::Vector3d across = facing.unitOrthogonal();
   for (const Eigen::Vector3d& side : {across, Eigen::Vector3d(facing.cross(across))}) {
     Eigen::Vector2d moved;
-    if (!project(p + shape_.finest * side, &moved)) return std::nullopt;
-    if (!((moved - u).norm() >= kResolved)) return std::nullopt;
+    const std::array<double, kMaxObservationSize> values{};
+    if (!Project(camera, values.data(), p + shape_.finest * side, moved.data()))
+      return std::nullopt;
+    if (!((moved - *u).norm() >= kResolved)) return std::nullopt;
   }
   return u;
 }

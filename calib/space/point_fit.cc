@@ -64,8 +64,22 @@ Eigen::Matrix<double, 3, 2> Across(const Eigen::Vector3d& m) {
 // All residuals and derivatives in units of their noise.
 struct Whitened {
   Eigen::VectorXd residual;
-  Eigen::MatrixXd by_point, by_theta;  // n x 3 by (a, b, rho), n x theta
+  Eigen::MatrixXd by_point, by_theta;  // n x 3, n x theta
 };
+
+// The point p / h, and the change of (p, h) by each of its three coordinates.
+struct Place {
+  Eigen::Vector3d p;
+  double h;
+  Eigen::Matrix<double, 4, 3> by;
+};
+
+// Coordinates (a, b, rho).
+Place PlaceOf(const SpacePoint& point) {
+  Place place{point.rho * point.o + point.m, point.rho, {}};
+  place.by << Across(point.m), point.o, Eigen::RowVector3d(0, 0, 1);
+  return place;
+}
 
 // The root of the inverse covariance of one coordinate of a camera's observations of a marker:
 // their own noise and the part common to all.
@@ -85,13 +99,11 @@ Eigen::MatrixXd Whitening(const SpaceRig& rig, Observations of_camera) {
 }
 
 // `seen` is in the order of cameras. Nothing outside a model's domain.
-std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
+std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const Place& place) {
   std::vector<PointDerivative> each(seen.size());
-  const Eigen::Vector3d p = point.rho * point.o + point.m;
-  const Eigen::Matrix<double, 3, 2> across = Across(point.m);
   Eigen::Index rows = 0;
   for (size_t i = 0; i < seen.size(); ++i) {
-    if (!Differentiate(rig, seen[i], p, point.rho, &each[i])) return std::nullopt;
+    if (!Differentiate(rig, seen[i], place.p, place.h, &each[i])) return std::nullopt;
     rows += each[i].residual.size();
   }
   Whitened all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 3), Eigen::MatrixXd(rows, rig.Size())};
@@ -106,8 +118,8 @@ std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const 
       for (Eigen::Index i = 0; i < n; ++i) {
         const PointDerivative& one = each[begin + static_cast<size_t>(i)];
         residual[i] = one.residual[k];
-        by_point.row(i) << one.by_point.row(k) * across,
-            one.by_point.row(k).dot(point.o) + one.by_h[k];
+        by_point.row(i) =
+            one.by_point.row(k) * place.by.topRows<3>() + one.by_h[k] * place.by.row(3);
         by_theta.row(i) = one.by_theta.row(k);
       }
       all.residual.segment(row, n) = root * residual;
@@ -120,7 +132,7 @@ std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const 
 }
 
 double CostOf(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
-  const std::optional<Whitened> all = Linearise(rig, seen, point);
+  const std::optional<Whitened> all = Linearise(rig, seen, PlaceOf(point));
   return all ? all->residual.squaredNorm() : std::numeric_limits<double>::infinity();
 }
 
@@ -128,7 +140,7 @@ double CostOf(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
 std::optional<Whitened> Maximise(const SpaceRig& rig, Observations seen, SpacePoint* point) {
   constexpr int kSteps = 20, kHalvings = 10;
   constexpr double kSmall = 1e-4;  // of a standard error; undistortion is exact to less
-  std::optional<Whitened> at = Linearise(rig, seen, *point);
+  std::optional<Whitened> at = Linearise(rig, seen, PlaceOf(*point));
   for (int i = 0; at && i < kSteps; ++i) {
     const Eigen::Matrix3d H = at->by_point.transpose() * at->by_point;
     Eigen::Vector3d step =
@@ -145,10 +157,17 @@ std::optional<Whitened> Maximise(const SpaceRig& rig, Observations seen, SpacePo
     }
     if (!(CostOf(rig, seen, next) <= cost * (1 + 1e-12))) return is_last ? at : std::nullopt;
     *point = next;
-    at = Linearise(rig, seen, *point);
+    at = Linearise(rig, seen, PlaceOf(*point));
     if (is_last) break;
   }
   return at;
+}
+
+// Takes out of a derivative by theta the rigid motion that the calibration's own points follow.
+void HoldHousing(const SpaceRig& rig, const Eigen::Vector3d& X, Eigen::MatrixXd* by_theta) {
+  Eigen::Matrix<double, 3, 6> by_motion;
+  by_motion << Eigen::Matrix3d::Identity(), -Hat(X);
+  *by_theta -= by_motion * rig.follow;
 }
 
 // The derivative of X = o + m / rho by (a, b, rho).
@@ -194,9 +213,7 @@ SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen,
     Eigen::MatrixXd moved = by * gain;
     if (frame == SpaceFrame::kHousing) {
       if (rig.follow.size() == 0) return without("the calibration's own points are not known");
-      Eigen::Matrix<double, 3, 6> by_motion;
-      by_motion << Eigen::Matrix3d::Identity(), -Hat(point.position);
-      moved -= by_motion * rig.follow;
+      HoldHousing(rig, point.position, &moved);
     }
     point.shared = moved * rig.root;
   } else {
@@ -221,6 +238,39 @@ SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen,
   point.degrees = test.degrees;
   point.probability = test.probability;
   return point;
+}
+
+std::optional<PointError> ErrorAt(const SpaceRig& rig,
+                                  std::span<const SpaceObservation> seen,
+                                  const Eigen::Vector3d& X,
+                                  SpaceFrame frame,
+                                  bool z_is_known) {
+  Place place{X, 1, {}};
+  place.by << Eigen::Matrix3d::Identity(), Eigen::RowVector3d::Zero();
+  const std::optional<Whitened> all = Linearise(rig, seen, place);
+  if (!all) return std::nullopt;
+  const Eigen::Index free = z_is_known ? 2 : 3;
+  const auto J = all->by_point.leftCols(free);
+  const Eigen::MatrixXd noise = SolveSymmetric(Eigen::MatrixXd(J.transpose() * J),
+                                               Eigen::MatrixXd::Identity(free, free).eval());
+  if (!noise.allFinite() || noise.diagonal().minCoeff() <= 0) return std::nullopt;
+  PointError error{Eigen::Matrix3d::Zero(),
+                   Eigen::MatrixXd::Zero(3, rig.Size()),
+                   std::vector<Eigen::Matrix3d>(rig.cameras.size(), Eigen::Matrix3d::Zero())};
+  error.noise.topLeftCorner(free, free) = noise;
+  error.by_theta.topRows(free) = -noise * (J.transpose() * all->by_theta);
+  if (frame == SpaceFrame::kHousing) HoldHousing(rig, X, &error.by_theta);
+  Eigen::Index row = 0;
+  for (size_t begin = 0, end = 0; begin < seen.size(); begin = end) {
+    const size_t camera = seen[begin].camera;
+    while (end < seen.size() && seen[end].camera == camera) ++end;
+    const Eigen::Index rows = static_cast<Eigen::Index>(end - begin) *
+                              static_cast<Eigen::Index>(rig.cameras[camera].model->measured.size());
+    error.by_shift[camera].topRows(free) =
+        noise * J.middleRows(row, rows).transpose() * all->by_point.middleRows(row, rows);
+    row += rows;
+  }
+  return error;
 }
 
 RaysTest RaysMeet(std::span<const SpacePoint> points) {

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -60,6 +61,24 @@ struct SpacePoint {
 SpacePoint FitPoint(const SpaceRig& rig,
                     std::span<const SpaceObservation> seen,
                     SpaceFrame frame = SpaceFrame::kRig);
+
+/// What measurements of a point leave uncertain.
+struct PointError {
+  Eigen::Matrix3d noise;     ///< covariance of X by their noise, m^2
+  Eigen::MatrixXd by_theta;  ///< derivative of X, 3 x theta
+  /// By camera of the rig: derivative of X by a shift of what this camera alone sees, 1.
+  std::vector<Eigen::Matrix3d> by_shift;
+};
+
+/// Of the point X, m, of the rig's frame. `seen`: cameras in their order, contexts and sigmas; the
+/// measured places are not used. `z_is_known`: one ordinary camera measures x and y alone. Nothing
+/// outside a model's domain and where the rays do not determine the point. REQUIRES: the rig has
+/// `follow` for `SpaceFrame::kHousing`.
+std::optional<PointError> ErrorAt(const SpaceRig& rig,
+                                  std::span<const SpaceObservation> seen,
+                                  const Eigen::Vector3d& X,
+                                  SpaceFrame frame,
+                                  bool z_is_known = false);
 
 /// Whether the rays of all points together meet, given the errors of the one calibration that they
 /// share: single points may each meet while all show the same error.

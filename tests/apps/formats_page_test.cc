@@ -615,7 +615,7 @@ TEST_F(FormatsPage, HasTheTablesOfTheSchemaOfCalibrations) {
     EXPECT_THAT(page, HasSubstr(table + "\n")) << "take the table from here";
     ++tables;
   }
-  EXPECT_EQ(tables, 3);
+  EXPECT_EQ(tables, 6);
 }
 
 TEST_F(FormatsPage, HasWhatWhiteAndFocusWrite) {

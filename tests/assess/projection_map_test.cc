@@ -13,6 +13,7 @@
 #include <random>
 
 #include "calib/estimate/describe.h"
+#include "calib/space/point_fit.h"
 #include "tests/calib/plenoptic_synthetic.h"
 #include "tests/calib/synthetic.h"
 
@@ -150,7 +151,7 @@ Eigen::Vector3d Intersect(const CalibratedCamera& camera,
   return p;
 }
 
-TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
+TEST(ErrorOfPoint, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   constexpr int kEvery = 7;  // markers
   constexpr double kNoise = 0.05;
   const CalibrationInput exact =
@@ -177,20 +178,18 @@ TEST(DistanceUncertainty, IsTheScatterOfDistancesThatNoisyCalibrationsMeasure) {
   std::normal_distribution<double> noise(0, kNoise);
   for (int trial = 0; trial < kTrials; ++trial) {
     const CalibrationRecord found = Calibrated(WithNoise(exact, kNoise, trial));
-    const std::vector<DistancePrecision> precisions =
-        DistancePrecisions(found, 0, std::numeric_limits<int>::max());
+    const SpaceRig rig = MakeSpaceRig(found, {});
     for (auto& [key, marker] : markers) {
-      // Precisions are known by their distance.
-      const double distance =
-          (found.CameraFromTarget(0, key.first) * found.markers.at(key.second).position).norm();
-      const auto own =
-          std::min_element(precisions.begin(), precisions.end(), [&](const auto& a, const auto& b) {
-            return std::abs(a.distance - distance) < std::abs(b.distance - distance);
-          });
-      ASSERT_NE(own, precisions.end());
-      ASSERT_NEAR(own->distance, distance, 1e-12);
-      marker.calibration += own->calibration * own->calibration / kTrials;
-      marker.noise += own->noise * own->noise / kTrials;
+      const Eigen::Vector3d p =
+          found.CameraFromTarget(0, key.first) * found.markers.at(key.second).position;
+      std::vector<SpaceObservation> observations;
+      for (const auto& values : marker.seen)
+        observations.push_back({.values = values, .sigma = kNoise});
+      const std::optional<PointError> predicted = ErrorAt(rig, observations, p, SpaceFrame::kRig);
+      ASSERT_TRUE(predicted);
+      const Eigen::RowVector3d along = p.normalized();
+      marker.calibration += (along * predicted->by_theta * rig.root).squaredNorm() / kTrials;
+      marker.noise += along.dot(along * predicted->noise) / kTrials;
       const auto error = [&marker = marker](const CalibratedCamera& camera, const auto& seen) {
         return Intersect(camera, seen, marker.point).norm() - marker.point.norm();
       };

@@ -49,7 +49,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("calib", {"calib/estimate", "calib/scene", "calib/space"});
   add("assess/views", {"calib/rig"});
   add("assess/frames", {"assess/views"});
-  add("assess", {"calib", "assess/frames"});
+  add("assess/space", {"calib/space", "assess/views"});
+  add("assess", {"calib", "assess/frames", "assess/space"});
   add("assess/target", {"assess"});
   add("assess/causes", {"assess/target"});
   add("targets", {"calib/files"});
@@ -85,7 +86,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("engine/exchange", {"engine/session"});
   add("engine/images", {"engine/observe"});
   add("engine/plenoptic", {"engine/images"});
-  add("engine/rigs", {"assess/views", "engine/session"});
+  add("engine/rigs", {"engine/json", "engine/session"});
   add("engine", {"engine/exchange", "engine/json", "engine/plenoptic", "engine/rigs"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});

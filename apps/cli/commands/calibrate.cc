@@ -56,8 +56,9 @@ void RunCalibrate(CalibrateArguments arguments, Console* console) {
     const bool wants_more =
         result.record.verdict->grade != Grade::kGood && !result.record.HasScene();
     console->Print(fmt::format(
-        "{}\nwritten to {}{}\n\n{}",
+        "{}\n{}written to {}{}\n\n{}",
         Summary(result.calibration),
+        AccuracyLines(arguments.out, result),
         out,
         wants_more ? fmt::format("; what to record next: plenocal suggest {}", out) : "",
         VerdictText(*result.record.verdict)));

@@ -4,6 +4,7 @@ import "./report.css";
 import { render } from "preact";
 import { drawAll, drawings, followColours } from "../plot/drawings";
 import type { Drawing } from "../plot/drawings";
+import { AccuracyPage } from "../report/accuracy";
 import { CalibrationPage } from "../report/calibration";
 import { PhotometryPage } from "../report/photometry";
 import { TrialPage } from "../report/trial";
@@ -30,6 +31,8 @@ function Page({ data }: { data: PageData }) {
       return <CalibrationPage report={data} />;
     case "trial":
       return <TrialPage trial={data} />;
+    case "accuracy":
+      return <AccuracyPage page={data} />;
     case "truth":
       return <TruthPage page={data} />;
     case "photometry":

@@ -164,7 +164,7 @@ export function CalibrationPage({ report }: { report: Report }) {
         { title: "In space", content: <InSpace {...shown} /> },
         { title: "Markers", content: <Markers report={report} /> },
         { title: "Correlations", content: <Correlations {...report.correlation} /> },
-        { title: "Uncertainty in use", content: <UncertaintyInUse cameras={cameras} /> },
+        { title: "Uncertainty in use", content: <UncertaintyInUse cameras={cameras} accuracy={report.accuracy} /> },
         typed.length > 0 ? { title: "Lens types", content: <LensTypes cameras={typed} /> } : null,
         white.length > 0 ? { title: "White images", content: <WhiteImages cameras={white} /> } : null,
         { title: "Sample images", content: <Samples cameras={cameras} /> },

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Data of the pages that the program writes (apps/report, apps/groundtruth, apps/photometry) beside those of a calibration.
-import type { Field, Report, Transform } from "../api/calibration";
+import type { Accuracy, AccuracyAtDistance, Field, Report, Transform } from "../api/calibration";
 import type { Grid, Size } from "../plot/image_field";
 import type { Vector } from "../space/geometry";
 
@@ -32,6 +32,15 @@ export interface Trial {
   outliers: number;
   models: TrialModel[];
   cameras: { name: string; image_size: Size; fields: { model: string; field: Field }[] }[];
+}
+
+export interface MappedAccuracy extends Accuracy {
+  distances: (AccuracyAtDistance & { map: Grid & { sigma: Unknown[] } })[];
+}
+export interface AccuracyPageData {
+  kind: "accuracy";
+  accuracy: MappedAccuracy[];
+  image_sizes: Record<string, Size>;
 }
 
 export interface Segment {
@@ -117,4 +126,4 @@ export interface Photometry {
   comparison?: Comparison;
 }
 
-export type PageData = Report | Trial | LoopTruth | Photometry;
+export type PageData = Report | Trial | LoopTruth | Photometry | AccuracyPageData;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Correlations of the unknowns, and what their errors do to a projection and to a measured distance.
-import type { Report, ReportCamera } from "../api/calibration";
+import type { Accuracy, Report, ReportCamera } from "../api/calibration";
 import { isKnown } from "../base/numbers";
 import type { Painter } from "../plot/chart";
 import { signed } from "../plot/colours";
 import { ColourScale, Figure } from "../plot/figure";
-import { LineChart } from "../plot/line_chart";
 import { PaintedChart } from "../plot/point_chart";
 import { SigmaPicture } from "../plot/sigma_map";
+import { AccuracyChart } from "./accuracy";
 import { Figures, Note } from "./page";
 
 export function Correlations({ names, below_diagonal: rows }: Report["correlation"]) {
@@ -52,29 +52,19 @@ export function Correlations({ names, below_diagonal: rows }: Report["correlatio
 
 const kDistances = ["Distance of the nearest marker", "Median distance of the markers", "Distance of the farthest marker", "Ten times the farthest marker"];
 
-function DistanceErrors({ distance, calibration, noise }: ReportCamera["distance"]) {
-  const order = distance.map((_, i) => i).sort((a, b) => (distance[a] ?? 0) - (distance[b] ?? 0));
-  const millimetres = (values: (number | null)[]) => order.map((i) => (isKnown(values[i]) ? 1e3 * values[i] : null));
-  return (
-    <LineChart
-      title="Measured distance of a marker"
-      note="Standard deviation of the distance of one marker, measured from one image."
-      breadth="broad"
-      aspect={1.8}
-      places={order.map((i) => distance[i] ?? 0)}
-      x={{ label: "distance, m" }}
-      y={{ label: "sigma, mm", logarithmic: true }}
-      series={[
-        { label: "from errors of the calibration", values: millimetres(calibration), colour: "--series-1", dots: true },
-        { label: "from noise of the marker's points", values: millimetres(noise), colour: "--faint", dots: true },
-      ]}
-    />
-  );
-}
-
-export function UncertaintyInUse({ cameras }: { cameras: ReportCamera[] }) {
+export function UncertaintyInUse({ cameras, accuracy }: { cameras: ReportCamera[]; accuracy: Accuracy[] }) {
   return (
     <>
+      {accuracy.length > 0 && (
+        <>
+          <Note>Points measured from their images, as plenocal triangulate does. More: plenocal accuracy.</Note>
+          <Figures>
+            {accuracy.map((each) => (
+              <AccuracyChart key={each.cameras.join()} accuracy={each} title={`Points seen by ${each.cameras.join(" and ")}`} />
+            ))}
+          </Figures>
+        </>
+      )}
       <Note>
         Standard deviation of the projection of a point, in its worst direction, caused by the errors of the parameters. Errors that a rotation
         and translation of the camera frame compensates are not counted. Colours are logarithmic and the same in all reports; empty: outside the
@@ -91,7 +81,6 @@ export function UncertaintyInUse({ cameras }: { cameras: ReportCamera[] }) {
                 (map, i) =>
                   map.sigma.some(isKnown) && <SigmaPicture key={i} map={map} size={camera.image_size} note={`${kDistances[i] ?? ""}.`} />,
               )}
-              {camera.distance.distance.length > 0 && <DistanceErrors {...camera.distance} />}
             </Figures>
           )}
         </div>

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `plenocal accuracy`: what it predicts for a simulated pair is what `triangulate` states for
+// points there; refusals name what is missing.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "calib/camera/rigid_transform.h"
+#include "tests/apps/calibration_schema.h"
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+
+class AccuracyCommand : public Workspace {
+ protected:
+  void SetUp() override {
+    Workspace::SetUp();
+    Write("board.yaml",
+          "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\n");
+    Write("spec.yaml",
+          "plenocal: 1\nseed: 3\ntarget: board.yaml\n"
+          "poses: {kind: varied, frames: 12, distance: [0.4, 1.0]}\n"
+          "cameras:\n"
+          "  left: {model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
+          "    parameters: {f_x: 900, f_y: 901, c_x: 636, c_y: 483}}\n"
+          "  right: {model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
+          "    parameters: {f_x: 905, f_y: 904, c_x: 641, c_y: 475},\n"
+          "    xi_camera_rig: [-0.12, 0.001, 0.002, 0.01, -0.02, 0.01]}\n");
+    ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, 0);
+    const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "result"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, HasSubstr("standard errors in space"));
+    EXPECT_THAT(outcome.out, HasSubstr("  left + right at 1"));
+  }
+
+  void ExpectRefused(const std::vector<std::string>& words, const std::string& what) const {
+    std::vector<std::string> all{"accuracy"};
+    all.insert(all.end(), words.begin(), words.end());
+    const Outcome outcome = Run(all);
+    EXPECT_EQ(outcome.status, kWrongInput) << what;
+    EXPECT_THAT(outcome.err, HasSubstr(what));
+  }
+};
+
+TEST_F(AccuracyCommand, PredictsWhatTriangulateStates) {
+  const Outcome outcome = Run({"accuracy", "result", "--distances", "0.7,2", "-o", "accuracy"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("left + right at 0.7 m: z "));
+  EXPECT_THAT(outcome.out, HasSubstr("a length of 100 mm across "));
+  const Json file = Json::parse(Read("accuracy/accuracy.json"));
+  ASSERT_EQ(file["accuracy"].size(), 1U);
+  const Json& accuracy = file["accuracy"][0];
+  EXPECT_THAT(CalibrationSchema(PLENOCAL_DOCS).Violations(accuracy, "Accuracy"),
+              ::testing::IsEmpty());
+  EXPECT_EQ(Json::parse(Run({"accuracy", "result", "--distances", "0.7,2", "--json"}).out),
+            file["accuracy"]);
+  // One cell as `triangulate` has it: the point whose places are given.
+  const Table cells(Read("accuracy/accuracy.csv"));
+  const std::vector<double> x = cells.Numbers("x"), y = cells.Numbers("y"),
+                            z = cells.Numbers("distance");
+  size_t at = 0;
+  while (std::hypot(x[at] - 640, y[at] - 480) > 60 || z[at] != 2) ++at;
+  const YAML::Node result = YAML::LoadFile(Path("result/calibration.yaml").string());
+  const auto number = [&](const char* camera, const char* name) {
+    return result["cameras"][camera]["parameters"][name].as<double>();
+  };
+  const Eigen::Vector3d X(2 * (x[at] - number("left", "c_x")) / number("left", "f_x"),
+                          2 * (y[at] - number("left", "c_y")) / number("left", "f_y"),
+                          2);
+  Write("left.csv", fmt::format("frame,marker,x,y\na,1,{:.9g},{:.9g}\n", x[at], y[at]));
+  Vector6d xi;
+  for (int k = 0; k < 6; ++k) {
+    xi[k] = result["cameras"]["right"]["xi_camera_rig"][k].as<double>();
+  }
+  const Eigen::Vector3d p = Exp(xi) * X;
+  Write("right.csv",
+        fmt::format("frame,marker,x,y\na,1,{:.9g},{:.9g}\n",
+                    number("right", "f_x") * p.x() / p.z() + number("right", "c_x"),
+                    number("right", "f_y") * p.y() / p.z() + number("right", "c_y")));
+  ASSERT_EQ(Run({"triangulate", "result", "left=left.csv", "right=right.csv", "-o", "one"}).status,
+            0);
+  const Table point(Read("one/points.csv"));
+  for (const char* name : {"sigma_z_noise", "sigma_z_calibration"}) {
+    const double stated = point.Numbers(name)[0];
+    EXPECT_NEAR(cells.Numbers(name)[at], stated, 1e-3 * stated) << name;
+  }
+  EXPECT_THAT(Read("accuracy/accuracy.html"), HasSubstr("left + right at 0.7 m: z "));
+}
+
+TEST_F(AccuracyCommand, NamesWhatDoesNotFit) {
+  ExpectRefused({"result", "--pair", "left,up"}, "up");
+  ExpectRefused({"result", "--pair", "left,left"}, "twice");
+  ExpectRefused({"result", "--distances", "0.5,0"}, "--distances");
+  ExpectRefused({"result", "--noise", "left=0"}, "--noise left=0");
+  ExpectRefused({"result", "--noise", "up=1"}, "up");
+  ExpectRefused({"result/calibration.yaml"}, "--distances");
+  std::filesystem::remove(Path("result/correlations.csv"));
+  std::string text = Read("result/calibration.yaml");
+  for (size_t at = 0; (at = text.find("sigma_xi:", at)) != std::string::npos; ++at) {
+    text.erase(at, text.find('\n', at) - at);
+  }
+  for (size_t at = 0; (at = text.find("    sigma:", at)) != std::string::npos; ++at) {
+    text.erase(at, text.find('\n', at) - at + 1);
+  }
+  Write("bare.yaml", text);
+  ExpectRefused({"bare.yaml", "--distances", "1"}, "no standard errors");
+  ExpectRefused({"nowhere"}, "nowhere");
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
