@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points, lengths and intervals in space against the truth, over calibrated rigs (docs/space.md).
 
-    bench/space PLENOCAL [--rigs 40] [--kinds pinhole fisheye plenoptic mixed far] [--first 0]
+    bench/space PLENOCAL [--rigs 40] [--kinds pinhole fisheye spline plenoptic mixed far] [--first 0]
+    PATH=/usr/bin:$PATH /usr/bin/python3 bench/space PLENOCAL mrcal       # beside mrcal's standard errors
+    bench/space PLENOCAL real                                            # scatter of real lengths
 
 Each rig is simulated by points, calibrated, and then triangulates 20 points of a second recording with other poses, in the
-frame of its first camera. Prints, by kind: NEES / n of all 20 points together (their errors share the calibration), mean
+frame of its first camera. Prints, by kind: NEES / n of all 20 points together (their errors share the calibration), that of
+the calibration's part alone (exact pixels; in the directions of its covariance with at least 1 % of the largest sigma), mean
 (error / sigma)^2 of the length between the first two points of each frame, the part of points whose 95 % interval of the
 distance holds it, and the part of rigs whose rays meet by the test of all points (99.9 %). The chance interval is that of NEES /
 n; lengths and intervals of a rig share its calibration and scatter more. far: points at 45 to 65 baselines. Needs python3-numpy, python3-scipy, python3-yaml.
 """
 import pathlib
+import random as plain_random
 import sys
 
 import numpy as np
@@ -18,9 +22,11 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
+from accuracy import space_mrcal, space_real, try_simulated
 from accuracy.geometry import read_poses
 
 POINTS = 20
+FIXED_KNOTS = ("x_05_04", "y_05_04", "y_07_04")  # models/splined.h
 BOARD = "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\ntolerance: 0.0003\n"
 
 
@@ -33,6 +39,11 @@ def ordinary(model, random, x):
     else:
         parameters.update({"A_0": random.uniform(-0.25, -0.1), "A_1": random.uniform(0.0, 0.08), "A_2": 0.0})
     camera = {"model": model, "image_size": [1280, 960], "parameters": parameters, "detection_sigma": float(random.uniform(0.05, 0.2))}
+    if model == "splined":
+        f = random.uniform(330, 400)
+        camera["image_size"] = try_simulated.SIZE
+        camera["parameters"] = {"f_x": f, "f_y": f, "c_x": 319.5 + random.uniform(-8, 8), "c_y": 239.5 + random.uniform(-8, 8),
+                                **try_simulated.spline(f, plain_random.Random(int(random.integers(1 << 30))))}
     if x:
         camera["xi_camera_rig"] = [-x, *random.uniform(-0.005, 0.005, 2), *random.uniform(-0.03, 0.03, 3)]
     return camera
@@ -55,7 +66,7 @@ def cameras_of(kind, random):
     if kind == "mixed":
         return {"left": ordinary("pinhole-radial3", random, 0), "right": ordinary("pinhole-radial3", random, 0.1),
                 "plenoptic": plenoptic(random, 0.05)}
-    model = "kannala-brandt4" if kind == "fisheye" else "pinhole-radial3"
+    model = {"fisheye": "kannala-brandt4", "spline": "splined"}.get(kind, "pinhole-radial3")
     return {"left": ordinary(model, random, 0), "right": ordinary(model, random, 0.02 if kind == "far" else 0.12)}
 
 
@@ -67,55 +78,78 @@ def plain(value):
     return float(value) if isinstance(value, np.floating) else value
 
 
-def one_rig(plenocal, place, kind, seed):
-    """Error / sigma of one rig's points: NEES, lengths, whether intervals hold, whether the rays meet."""
-    random = np.random.default_rng(seed)
-    (place / "target.yaml").write_text(BOARD)
-    near = [0.36, 0.7] if kind in ("plenoptic", "mixed") else [0.4, 1.2]
-    cameras = plain(cameras_of(kind, random))
-    for name, frames, distance, offset in [("set", 25, near, 0), ("new", 6, [0.9, 1.3] if kind == "far" else near, 1)]:
-        poses = {"kind": "varied", "frames": frames, "distance": distance, "partial": 0.3}
-        common.save(place / f"{name}.yaml", {"plenocal": 1, "seed": 2 * seed + offset, "target": "target.yaml", "poses": poses,
-                                             "cameras": cameras})
-        common.run(plenocal, "simulate", place / f"{name}.yaml", "--points", "-o", place / name, "--quiet")
-    common.run(plenocal, "calibrate", place / "set/session.yaml", "-o", place / "result", "--quiet", statuses=(0, 1))
-    tables = [f"{name}={place / 'new' / f'detections_{name}.csv'}" for name in cameras]
-    done = common.run(plenocal, "triangulate", place / "result", *tables, "-o", place / "tri", "--quiet", statuses=(0, 1))
-    if done.returncode:
-        return None
-    rows = [row for row in common.read_table(place / "tri/points.csv") if row["used"] == "1"]
+def triangulated(plenocal, place, recording, cameras, chosen, *options):
+    """Errors (N, 3), noise (N, 3, 3), roots (N, 3, P) and rows of used points that `chosen` takes of the number of all."""
+    tables = [f"{name}={place / recording / f'detections_{name}.csv'}" for name in cameras]
+    done = common.run(plenocal, "triangulate", place / "result", *tables, *options, "-o", place / "tri", "--quiet", statuses=(0, 1))
+    rows = [row for row in common.read_table(place / "tri/points.csv") if row["used"] == "1"] if done.returncode == 0 else []
     if len(rows) < POINTS:
         return None
-    rows = [rows[i] for i in random.choice(len(rows), POINTS, replace=False)]
+    rows = [rows[i] for i in chosen(len(rows))]
     shared = {}
     for row in common.read_table(place / "tri/shared.csv"):
         key = row["frame"], row["marker"]
         shared.setdefault(key, []).append([float(v) for k, v in row.items() if k.startswith("c_")])
-    target = common.load(place / "new/truth/target.yaml")["markers"]
-    poses = read_poses(place / "new/truth/poses.csv")
-    error, roots, noise, holds = [], [], [], []
+    target = common.load(place / recording / "truth/target.yaml")["markers"]
+    poses = read_poses(place / recording / "truth/poses.csv")
+    errors, noise = [], []
     for row in rows:
         T = poses[row["frame"]]  # T_target_rig
-        marker = np.array(target[int(row["marker"])])
-        truth = T[:3, :3].T @ (marker - T[:3, 3])
-        found = np.array([float(row[c]) for c in "xyz"])
-        error.append(found - truth)
-        roots.append(np.array(shared[row["frame"], row["marker"]]))
-        N = np.zeros((3, 3))
-        for i, a in enumerate("xyz"):
-            for j, b in enumerate("xyz"):
-                N[i, j] = float(row[f"noise_{min(a, b)}_{max(a, b)}"])
-        noise.append(N)
-        # The interval is symmetric in rho = 1 / distance, of which the true one follows along the ray.
-        rho, nearest = float(row["rho"]), float(row["nearest"])
-        true_rho = 1 / (1 / rho - (found - truth) @ found / np.linalg.norm(found))
-        holds.append(abs(true_rho - rho) <= 1 / nearest - rho)
-    root = np.vstack(roots)
+        truth = T[:3, :3].T @ (np.array(target[int(row["marker"])]) - T[:3, 3])
+        errors.append(np.array([float(row[c]) for c in "xyz"]) - truth)
+        noise.append([[float(row[f"noise_{min(a, b)}_{max(a, b)}"]) for b in "xyz"] for a in "xyz"])
+    return np.array(errors), np.array(noise), np.array([shared[row["frame"], row["marker"]] for row in rows]), rows
+
+
+def of_calibration(errors, roots):
+    """Chi-square and degrees of errors without noise, in the directions of at least 1 % of the largest standard error."""
+    U, s, _ = np.linalg.svd(roots.reshape(errors.size, -1), full_matrices=False)
+    seen = s > 1e-2 * s[0]
+    return np.sum((U[:, seen].T @ errors.ravel() / s[seen]) ** 2), seen.sum()
+
+
+def one_rig(plenocal, place, kind, seed):
+    """Error / sigma of one rig's points: NEES, lengths, whether intervals hold and rays meet, chi-square and degrees of the calibration."""
+    random = np.random.default_rng(seed)
+    (place / "target.yaml").write_text(BOARD)
+    near = {"plenoptic": [0.36, 0.7], "mixed": [0.36, 0.7], "spline": [0.25, 0.7]}.get(kind, [0.4, 1.2])
+    cameras = plain(cameras_of(kind, random))
+    exact = {name: {**camera, "detection_sigma": 1e-6} for name, camera in cameras.items()}
+    far = [0.9, 1.3] if kind == "far" else near
+    for name, frames, distance, offset, simulated in [("set", 80 if kind == "spline" else 25, near, 0, cameras),
+                                                      ("new", 6, far, 1, cameras), ("exact", 6, far, 1, exact)]:
+        poses = {"kind": "varied", "frames": frames, "distance": distance, "partial": 0.3}
+        common.save(place / f"{name}.yaml", {"plenocal": 1, "seed": 2 * seed + offset, "target": "target.yaml", "poses": poses,
+                                             "cameras": simulated})
+        common.run(plenocal, "simulate", place / f"{name}.yaml", "--points", "-o", place / name, "--quiet")
+    if kind == "spline":
+        # The knots' places and three knots define the camera's own frame: as those of the truth.
+        session = common.load(place / "set/session.yaml")
+        for name, camera in session["cameras"].items():
+            same = {key: cameras[name]["parameters"][key] for key in ("f_x", "f_y", "c_x", "c_y", "fov", *FIXED_KNOTS)}
+            camera |= {"initial": same, "fixed": list(same)}
+        common.save(place / "set/session.yaml", session)
+    common.run(plenocal, "calibrate", place / "set/session.yaml", "-o", place / "result", "--quiet", statuses=(0, 1))
+    chosen = lambda count: random.choice(count, POINTS, replace=False)
+    found = triangulated(plenocal, place, "new", cameras, chosen)
+    if not found:
+        return None
+    error, noise, roots, rows = found
+    meet = common.load(place / "tri/triangulation.yaml")["probability"] > 1e-3
+    without_noise = triangulated(plenocal, place, "exact", cameras, chosen, "--sigma", "0.05")
+    if not without_noise:
+        return None
+    # The interval is symmetric in rho = 1 / distance, of which the true one follows along the ray.
+    holds = []
+    for row, e in zip(rows, error):
+        rho, found = float(row["rho"]), np.array([float(row[c]) for c in "xyz"])
+        true_rho = 1 / (1 / rho - e @ found / np.linalg.norm(found))
+        holds.append(abs(true_rho - rho) <= 1 / float(row["nearest"]) - rho)
+    root = roots.reshape(error.size, -1)
     covariance = root @ root.T
     for i, N in enumerate(noise):
         covariance[3 * i:3 * i + 3, 3 * i:3 * i + 3] += N
-    e = np.concatenate(error)
-    nees = e @ np.linalg.solve(covariance, e) / len(e)
+    nees = error.ravel() @ np.linalg.solve(covariance, error.ravel()) / error.size
     lengths = []
     for i in range(0, POINTS, 2):
         found = np.array([[float(rows[k][c]) for c in "xyz"] for k in (i, i + 1)])
@@ -125,17 +159,20 @@ def one_rig(plenocal, place, kind, seed):
         u = between / size
         g = u @ (roots[i] - roots[i + 1])
         lengths.append((size - true) ** 2 / (u @ (noise[i] + noise[i + 1]) @ u + g @ g))
-    summary = common.load(place / "tri/triangulation.yaml")
-    return nees, np.mean(lengths), np.mean(holds), summary["probability"] > 1e-3
+    return nees, np.mean(lengths), np.mean(holds), meet, *of_calibration(without_noise[0], without_noise[2])
 
 
 def main():
     arguments = common.parser(__doc__, "plenocal")
+    arguments.add_argument("part", nargs="?", choices=["nees", "mrcal", "real"], default="nees")
     arguments.add_argument("--rigs", type=int, default=40)
     arguments.add_argument("--first", type=int, default=0)
-    arguments.add_argument("--kinds", nargs="+", default=["pinhole", "fisheye", "plenoptic", "mixed", "far"])
+    arguments.add_argument("--kinds", nargs="+", default=["pinhole", "fisheye", "spline", "plenoptic", "mixed", "far"])
     arguments = arguments.parse_args()
-    common.head("rigs", "number", "NEES / n", "by chance (99 %)", "lengths", "intervals of 95 % hold", "rays meet")
+    if arguments.part != "nees":
+        return {"mrcal": space_mrcal, "real": space_real}[arguments.part].run(arguments.plenocal)
+    common.head("rigs", "number", "NEES / n", "by chance (99 %)", "of the calibration", "by chance (99 %)", "lengths",
+                "intervals of 95 % hold", "rays meet")
     for kind in arguments.kinds:
         found = []
         for seed in range(arguments.first, arguments.first + arguments.rigs):
@@ -143,11 +180,10 @@ def main():
                 result = one_rig(arguments.plenocal, place, kind, seed)
             if result:
                 found.append(result)
-        nees, lengths, holds, meet = np.array(found).mean(axis=0)
-        n = 3 * POINTS * len(found)
-        low, high = chi2.ppf([0.005, 0.995], n) / n
-        common.row(kind, len(found), f"{nees:.3f}", f"{low:.2f} to {high:.2f}", f"{lengths:.2f}", f"{100 * holds:.1f} %",
-                   f"{100 * meet:.0f} %")
+        nees, lengths, holds, meet, chi_square, degrees = np.array(found, float).mean(axis=0)
+        band = lambda n: "{:.2f} to {:.2f}".format(*chi2.ppf([0.005, 0.995], n) / n)
+        common.row(kind, len(found), f"{nees:.3f}", band(3 * POINTS * len(found)), f"{chi_square / degrees:.3f}",
+                   band(degrees * len(found)), f"{lengths:.2f}", f"{100 * holds:.1f} %", f"{100 * meet:.0f} %")
 
 
 if __name__ == "__main__":

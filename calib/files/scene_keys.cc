@@ -34,13 +34,7 @@ ScenePosition ReadScenePosition(const YamlNode& node) {
   if (const auto point = NumberAfter("point", text); point && point->second.empty()) {
     return {text, {point->first}};
   }
-  if (const auto tag = NumberAfter("tag", text); tag && tag->first < kMostTags) {
-    if (tag->second.empty()) return {text, CornersOfTag(tag->first)};
-    const auto corner = NumberAfter(" corner", tag->second);
-    if (corner && corner->second.empty() && corner->first < 4) {
-      return {text, {TagPoint(tag->first, corner->first)}};
-    }
-  }
+  if (const auto tag = TagPosition(text, TagPoint)) return *tag;
   node.Fail(
       fmt::format("expected 'point NUMBER' with the point's number in the tracks, 'tag ID' (its "
                   "centre) or 'tag ID corner 0' to 3, got '{}'",
@@ -92,8 +86,18 @@ SceneDistance ReadSceneDistance(const YamlNode& node) {
 
 int TagPoint(int id, int corner) { return kTagPoints + kTagStep * id + corner; }
 
-std::vector<int> CornersOfTag(int id) {
-  return {TagPoint(id, 0), TagPoint(id, 1), TagPoint(id, 2), TagPoint(id, 3)};
+std::vector<int> CornersOfTag(int id, int (*point)(int id, int corner)) {
+  return {point(id, 0), point(id, 1), point(id, 2), point(id, 3)};
+}
+
+std::optional<ScenePosition> TagPosition(const std::string& text,
+                                         int (*point)(int id, int corner)) {
+  const auto tag = NumberAfter("tag", text);
+  if (!tag || tag->first >= kMostTags) return std::nullopt;
+  if (tag->second.empty()) return ScenePosition{text, CornersOfTag(tag->first, point)};
+  const auto corner = NumberAfter(" corner", tag->second);
+  if (!corner || !corner->second.empty() || corner->first >= 4) return std::nullopt;
+  return ScenePosition{text, {point(tag->first, corner->first)}};
 }
 
 std::vector<SceneDistance> SizesOfTag(const SceneTags& tags, int id) {

@@ -18,6 +18,10 @@ struct ScenePosition {
   std::vector<int> points;  ///< numbers, as in the tracks; the position is that of their mean
 };
 
+/// "tag 3" or "tag 3 corner 0", whose corners have the numbers `point(id, corner)`; nothing for
+/// another text.
+std::optional<ScenePosition> TagPosition(const std::string& text, int (*point)(int id, int corner));
+
 /// A measured distance between two positions in the scene.
 struct SceneDistance {
   ScenePosition a, b;
@@ -36,8 +40,8 @@ struct SceneTags {
 /// Number of a tag's corner among the scene's points: above those of all tracks.
 int TagPoint(int id, int corner);
 
-/// `TagPoint` of a tag's four corners.
-std::vector<int> CornersOfTag(int id);
+/// `point` of a tag's four corners.
+std::vector<int> CornersOfTag(int id, int (*point)(int id, int corner) = TagPoint);
 
 /// `scene` of session.yaml.
 struct SceneKeys {

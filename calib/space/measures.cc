@@ -53,6 +53,19 @@ Measured AngleOf(const SpacePoint& a, const SpacePoint& b, const SpacePoint& c) 
   return angle;
 }
 
+SpacePoint MeanOf(std::span<const SpacePoint* const> points) {
+  const auto n = static_cast<double>(points.size());
+  SpacePoint mean;
+  mean.noise.setZero();
+  mean.shared = Eigen::MatrixXd::Zero(3, points[0]->shared.cols());
+  for (const SpacePoint* point : points) {
+    mean.position += point->position / n;
+    mean.noise += point->noise / (n * n);
+    mean.shared += point->shared / n;
+  }
+  return mean;
+}
+
 MeasuredPlane PlaneOf(std::span<const SpacePoint* const> points) {
   MeasuredPlane plane{.degrees = static_cast<int>(points.size()) - 3};
   if (plane.degrees < 0) return plane;

@@ -24,6 +24,9 @@ Measured LengthOf(const SpacePoint& a, const SpacePoint& b);
 /// Angle at b between the directions to a and c, rad.
 Measured AngleOf(const SpacePoint& a, const SpacePoint& b, const SpacePoint& c);
 
+/// The mean of points as one: its position, noise and shared error. REQUIRES: as above, not empty.
+SpacePoint MeanOf(std::span<const SpacePoint* const> points);
+
 /// The plane n . X = h of generalised least squares, by the points' whole covariance.
 struct MeasuredPlane {
   Eigen::Vector3d normal{0, 0, 1};  ///< |n| = 1, towards the rig's origin

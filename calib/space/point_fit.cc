@@ -81,18 +81,20 @@ Place PlaceOf(const SpacePoint& point) {
   return place;
 }
 
-// The root of the inverse covariance of one coordinate of a camera's observations of a marker:
-// their own noise and the part common to all.
-Eigen::MatrixXd Whitening(const SpaceRig& rig, Observations of_camera) {
-  const auto n = static_cast<Eigen::Index>(of_camera.size());
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
-  if (n > 1) {
-    const double common = rig.fits[of_camera[0].camera].common_noise;
-    covariance.setConstant(common * common);
-  }
+// The root of the inverse covariance of one coordinate: of a camera's observations of a marker,
+// whose noise has a part common to all; or of cameras whose noise is correlated.
+Eigen::MatrixXd Whitening(const SpaceRig& rig, Observations seen) {
+  const auto n = static_cast<Eigen::Index>(seen.size());
+  Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double sigma = of_camera[static_cast<size_t>(i)].sigma;
-    covariance(i, i) += sigma * sigma;
+    const SpaceObservation& a = seen[static_cast<size_t>(i)];
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const SpaceObservation& b = seen[static_cast<size_t>(j)];
+      const double common = n > 1 ? rig.fits[a.camera].common_noise : 0;
+      covariance(i, j) =
+          a.camera == b.camera ? common * common : rig.correlation * a.sigma * b.sigma;
+    }
+    covariance(i, i) += a.sigma * a.sigma;
   }
   const Eigen::MatrixXd lower = covariance.llt().matrixL();
   return lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n));
@@ -109,7 +111,9 @@ std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const 
   Whitened all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 3), Eigen::MatrixXd(rows, rig.Size())};
   Eigen::Index row = 0;
   for (size_t begin = 0, end = 0; begin < seen.size(); begin = end) {
-    while (end < seen.size() && seen[end].camera == seen[begin].camera) ++end;
+    while (end < seen.size() && (rig.correlation != 0 || seen[end].camera == seen[begin].camera)) {
+      ++end;
+    }
     const auto n = static_cast<Eigen::Index>(end - begin);
     const Eigen::MatrixXd root = Whitening(rig, seen.subspan(begin, end - begin));
     for (Eigen::Index k = 0; k < each[begin].residual.size(); ++k) {

@@ -30,6 +30,9 @@ struct SpaceRig {
   /// "left.f_x": numbers that the calibration leaves open, which are held at their values.
   std::vector<std::string> open;
   std::vector<CameraFit> fits;  ///< by camera
+  /// Of the noise of one coordinate between two cameras, which all are ordinary then: points that
+  /// were matched from image to image have common errors.
+  double correlation = 0;
 
   [[nodiscard]] Eigen::Index Size() const { return root.rows(); }
   /// Standard deviation of a coordinate without the part common to a marker, px: that of the

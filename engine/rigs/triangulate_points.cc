@@ -5,32 +5,26 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <map>
 #include <set>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 #include "calib/base/parallel.h"
 #include "calib/base/statistics.h"
-#include "calib/files/detections.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
-#include "engine/session/calibration_folder.h"
 
 namespace plenocal {
 namespace {
-
-namespace fs = std::filesystem;
 
 // Part of the recordings without an outlier in which a point is left out.
 constexpr double kFalseAlarms = 0.05;
 // False-alarm rate of the test of all rays against a calibration that holds.
 constexpr double kContradiction = 1e-3;
-
-CalibrationRecord Open(const fs::path& path) {
-  return fs::is_directory(path) ? OpenCalibrationFolder(path) : OpenWithCorrelations(path);
-}
 
 class Job {
  public:
@@ -47,6 +41,9 @@ class Job {
     }
     CheckRequest();
     rig_ = MakeSpaceRig(calibration, made_.cameras, SharedCounts());
+    rig_.correlation = request.correlation;
+    made_.calibration = calibration.path.string();
+    made_.correlation = request.correlation;
     made_.frame = request.frame;
     made_.level = request.level;
     made_.sigmas = std::sqrt(ChiSquareQuantile(1, 1 - request.level));
@@ -73,14 +70,28 @@ class Job {
           "{}: one ordinary camera sees directions, no points; give those of another camera, too",
           seen_[0].source);
     }
+    if (request_.correlation != 0) {
+      for (const std::string& name : made_.cameras) {
+        if (!FindCamera(calibration_, name).model->plenoptic) continue;
+        throw InputError("--correlation is that of ordinary cameras; '{}' is plenoptic", name);
+      }
+      const double least = -1 / std::max(1.0, static_cast<double>(seen_.size()) - 1);
+      if (!(request_.correlation > least && request_.correlation < 1)) {
+        throw InputError("--correlation {}: that of {} cameras lies between {:.3g} and 1",
+                         request_.correlation,
+                         seen_.size(),
+                         least);
+      }
+    }
     const auto check = [](const auto& sets, const char* option, size_t least, size_t most) {
-      for (const std::vector<int>& numbers : sets) {
-        const std::set<int> different(numbers.begin(), numbers.end());
-        if (numbers.size() >= least && numbers.size() <= most && different.size() == numbers.size())
+      for (const std::vector<ScenePosition>& ends : sets) {
+        std::set<std::vector<int>> different;
+        for (const ScenePosition& end : ends) different.insert(end.points);
+        if (ends.size() >= least && ends.size() <= most && different.size() == ends.size())
           continue;
         throw InputError("{} {}: expected {}{} different points",
                          option,
-                         fmt::join(numbers, ","),
+                         fmt::join(NamesOf(ends), ","),
                          least,
                          most > least ? " or more" : "");
       }
@@ -135,7 +146,9 @@ class Job {
           seen[view.frame][each.marker].push_back(
               {.camera = c,
                .values = each.values,
-               .sigma = request_.sigma.value_or(rig_.NoiseOf(c, each.detector_sigma)),
+               .sigma = seen_[c].is_noise
+                            ? each.detector_sigma
+                            : request_.sigma.value_or(rig_.NoiseOf(c, each.detector_sigma)),
                .by_shared =
                    view.by_nuisance.empty() ? std::vector<double>() : view.by_nuisance[i]});
         }
@@ -236,17 +249,21 @@ class Job {
   template <typename Measure>
   void Each(const std::string& frame,
             const std::string& kind,
-            const std::vector<std::vector<int>>& sets,
+            const std::vector<std::vector<ScenePosition>>& sets,
             const std::map<int, const SpacePoint*>& by_number,
             const Measure& measure) {
-    for (const std::vector<int>& numbers : sets) {
-      std::vector<const SpacePoint*> points;
-      for (const int number : numbers) {
-        const auto found = by_number.find(number);
-        if (found != by_number.end()) points.push_back(found->second);
+    for (const std::vector<ScenePosition>& ends : sets) {
+      std::vector<SpacePoint> points;
+      for (const ScenePosition& end : ends) {
+        std::vector<const SpacePoint*> parts;
+        for (const int number : end.points) {
+          const auto found = by_number.find(number);
+          if (found != by_number.end()) parts.push_back(found->second);
+        }
+        if (parts.size() == end.points.size()) points.push_back(MeanOf(parts));
       }
-      const std::string of = fmt::format("{}", fmt::join(numbers, " "));
-      if (points.size() == numbers.size()) {
+      const std::string of = fmt::format("{}", fmt::join(NamesOf(ends), " "));
+      if (points.size() == ends.size()) {
         made_.measures.push_back({frame, kind, of, std::nullopt, std::nullopt});
         measure(points, &made_.measures.back());
       } else {
@@ -264,22 +281,25 @@ class Job {
         by_number.emplace(each.marker, &each.point);
       }
     }
-    std::vector<std::vector<int>> lengths = request_.lengths;
+    std::vector<std::vector<ScenePosition>> lengths = request_.lengths;
     if (request_.all_lengths) {
+      const auto end = [](int number) { return ScenePosition{std::to_string(number), {number}}; };
       for (auto i = by_number.begin(); i != by_number.end(); ++i) {
         for (auto j = std::next(i); j != by_number.end(); ++j) {
-          lengths.push_back({i->first, j->first});
+          lengths.push_back({end(i->first), end(j->first)});
         }
       }
     }
     Each(frame, "length", lengths, by_number, [](const auto& points, auto* measure) {
-      measure->number = LengthOf(*points[0], *points[1]);
+      measure->number = LengthOf(points[0], points[1]);
     });
     Each(frame, "angle", request_.angles, by_number, [](const auto& points, auto* measure) {
-      measure->number = AngleOf(*points[0], *points[1], *points[2]);
+      measure->number = AngleOf(points[0], points[1], points[2]);
     });
     Each(frame, "plane", request_.planes, by_number, [](const auto& points, auto* measure) {
-      measure->plane = PlaneOf(points);
+      std::vector<const SpacePoint*> pointers;
+      for (const SpacePoint& point : points) pointers.push_back(&point);
+      measure->plane = PlaneOf(pointers);
     });
   }
 
@@ -294,19 +314,18 @@ class Job {
 
 }  // namespace
 
-std::string TriangulatedPoint::Place() const { return fmt::format("{} point {}", frame, marker); }
-
-Triangulation TriangulatePoints(const TriangulateRequest& request, const Run& run) {
-  const RunScope inputs;
-  const CalibrationRecord calibration = Open(request.calibration);
-  std::vector<SeenPoints> seen;
-  for (const auto& [camera, path] : request.tables) {
-    seen.push_back({.camera = camera,
-                    .source = path.string(),
-                    .views = ReadDetections(path, *FindCamera(calibration, camera).model)});
-  }
-  return TriangulatePoints(calibration, seen, request, run);
+ScenePosition PositionNamed(const std::string& name) {
+  int number = 0;
+  const char* const end = name.data() + name.size();
+  const auto [rest, error] = std::from_chars(name.data(), end, number);
+  if (error == std::errc() && rest == end && number >= 0) return {name, {number}};
+  const auto corner = [](int id, int k) { return 4 * id + k; };
+  if (const auto tag = TagPosition(name, corner)) return *tag;
+  throw InputError("'{}' is no point: expected its number, 'tag ID' or 'tag ID corner 0' to 3",
+                   name);
 }
+
+std::string TriangulatedPoint::Place() const { return fmt::format("{} point {}", frame, marker); }
 
 Triangulation TriangulatePoints(const CalibrationRecord& calibration,
                                 const std::vector<SeenPoints>& seen,
@@ -317,7 +336,7 @@ Triangulation TriangulatePoints(const CalibrationRecord& calibration,
   const std::unique_ptr<OutputFolder> out = OpenOutput(request.out);
   Triangulation made = Job(calibration, seen, request, run).Make();
   if (!out) return made;
-  for (const auto& [name, text] : TriangulationFiles(calibration, made)) out->Write(name, text);
+  WriteTriangulation(made, out.get());
   out->Commit();
   return made;
 }

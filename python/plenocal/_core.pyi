@@ -294,6 +294,7 @@ def triangulate(
     cameras: Sequence[tuple[str, FloatArray, Sequence[int]]],
     count: int,
     sigma: float | None,
+    correlation: float,
     housing: bool,
     level: float,
     caller: Caller,

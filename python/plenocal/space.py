@@ -124,6 +124,7 @@ def triangulate(
     context: Mapping[str, Any] | None = None,
     index: Mapping[str, Any] | None = None,
     sigma: float | None = None,
+    correlation: float = 0,
     frame: str = "rig",
     level: float = 0.95,
     threads: int = 0,
@@ -138,6 +139,8 @@ def triangulate(
         index: for cameras whose R rows show other points than 0 to N - 1: the point of each row, (R,). A plenoptic
             camera has several rows of one point, as its table of detections.
         sigma: standard deviation of each coordinate, px; None: the calibration's noise.
+        correlation: of the noise of one coordinate between two ordinary cameras, for points that were matched from image
+            to image.
         frame: "rig": errors in the first camera's frame as calibrated; "housing": less the rigid motion by which the
             calibration's own points follow its errors.
         level: of intervals.
@@ -177,7 +180,7 @@ def triangulate(
             raise InputError(f"index: {name}: a point is twice in one {'micro ' if camera.plenoptic else ''}image")
         seen.append((str(name), values, numbers.tolist()))
     native = _core.triangulate(
-        calibration._native, seen, count, sigma, frame == "housing", level, caller(threads, progress)
+        calibration._native, seen, count, sigma, float(correlation), frame == "housing", level, caller(threads, progress)
     )
     return SpacePoints(native)
 

@@ -61,12 +61,14 @@ SpacePoints TriangulateArrays(const Record& calibration,
                               const std::vector<Seen>& cameras,
                               size_t count,
                               std::optional<double> sigma,
+                              double correlation,
                               bool housing,
                               double level,
                               const Caller& caller) {
   const std::vector<SeenPoints> seen = ToSeen(calibration.record, cameras);
   TriangulateRequest request;
   request.sigma = sigma;
+  request.correlation = correlation;
   request.level = level;
   if (housing) request.frame = SpaceFrame::kHousing;
   return RunEngine(caller, [&](const Run& run) {

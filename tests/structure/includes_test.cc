@@ -86,7 +86,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("engine/exchange", {"engine/session"});
   add("engine/images", {"engine/observe"});
   add("engine/plenoptic", {"engine/images"});
-  add("engine/rigs", {"engine/json", "engine/session"});
+  add("engine/rigs", {"engine/json", "engine/observe"});
   add("engine", {"engine/exchange", "engine/json", "engine/plenoptic", "engine/rigs"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});

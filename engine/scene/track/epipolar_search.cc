@@ -13,8 +13,6 @@ namespace {
 constexpr int kHalf = 5;  // of the patch, px
 constexpr int kSide = 2 * kHalf + 1;
 constexpr int kArea = kSide * kSide;
-// Points nearer than this many baselines look too different in the two images.
-constexpr double kNearest = 4;
 constexpr double kLeastCorrelation = 0.8;
 // Another peak of the correlation must be lower by this part of what is missing from 1.
 constexpr double kClearlyBest = 1.5;
@@ -56,9 +54,10 @@ float Correlation(const Patch& a, const Patch& b) {
 // Pixels of the second image along the curve, from far to near.
 std::vector<cv::Point> CurvePixels(const Ray& ray,
                                    const RigidTransform& T_second_first,
-                                   const CameraImage& second) {
+                                   const CameraImage& second,
+                                   double baselines) {
   constexpr int kMostSteps = 2000;
-  const double nearest = kNearest * T_second_first.t.norm();
+  const double nearest = baselines * T_second_first.t.norm();
   const BundleCamera& camera = *second.camera;
   std::vector<cv::Point> pixels;
   // Equal steps of the inverse depth are about equal steps in the image.
@@ -82,7 +81,8 @@ std::vector<cv::Point> CurvePixels(const Ray& ray,
 
 std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
                                                const cv::Point2f& point,
-                                               const CameraImage& second) {
+                                               const CameraImage& second,
+                                               double nearest) {
   const BundleCamera& camera = *first.camera;
   const double values[kMaxObservationSize] = {point.x, point.y};
   const std::optional<Ray> ray = Unproject(camera, values);
@@ -92,7 +92,7 @@ std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
   float best = -1, other = -1;
   cv::Point at;
   // An error of the calibration shifts the curve by a pixel.
-  for (const cv::Point& on_curve : CurvePixels(*ray, T_second_first, second)) {
+  for (const cv::Point& on_curve : CurvePixels(*ray, T_second_first, second, nearest)) {
     for (int dy = -1; dy <= 1; ++dy) {
       const cv::Point pixel(on_curve.x, on_curve.y + dy);
       const std::optional<Patch> patch = PatchAt(*second.image, pixel);

@@ -18,8 +18,10 @@ struct CameraImage {
 
 /// Position in `second` of the point that `first` shows at `point`, to about a pixel: the one along
 /// the epipolar curve whose patch correlates best. Nothing when no place is clearly the best.
+/// Points nearer than `nearest` baselines look too different in the two images.
 std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
                                                const cv::Point2f& point,
-                                               const CameraImage& second);
+                                               const CameraImage& second,
+                                               double nearest = 4);
 
 }  // namespace plenocal

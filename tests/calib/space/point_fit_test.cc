@@ -32,6 +32,7 @@ struct RigOptions {
   double calibration = 1;   // factor on the calibration's standard errors
   double common_noise = 0;  // px
   bool nuisances = false;   // a displacement common to all images, which correlates with parameters
+  double correlation = 0;   // of the noise of ordinary cameras
 };
 
 /// A rig whose parameters and extrinsics are uncertain and correlated: one number shifts all.
@@ -161,6 +162,39 @@ TEST(PointFit, ExactRaysMeetInTheirPointAtInfinityAndBeyond) {
   }
 }
 
+// Noise of a camera counts by its variance, a distance from a ray does not.
+TEST(PointFit, IsTheMostLikelyPoint) {
+  const SpaceRig rig = MakeSpaceRig(
+      UncertainRig({.models = {"pinhole-radial3", "kannala-brandt4", "pinhole-radial3"}}), {});
+  const Eigen::Vector3d X(0.1, -0.05, 0.8);
+  Random random(17);
+  std::vector<SpaceObservation> seen = Seen(rig.cameras, X, 1, 0, &random);
+  ASSERT_EQ(seen.size(), 3U);
+  for (size_t i = 0; i < seen.size(); ++i) {
+    seen[i].values[1] += 3 * kNoise;
+    seen[i].sigma = kNoise * std::pow(4, static_cast<double>(i));
+  }
+  const auto cost = [&](const Eigen::Vector3d& at) {
+    double sum = 0;
+    for (const SpaceObservation& each : seen) {
+      std::array<double, kMaxObservationSize> u{};
+      EXPECT_TRUE(ImageOf(rig.cameras[each.camera], at, 1, u.data()));
+      for (size_t k = 0; k < 2; ++k) sum += std::pow((each.values[k] - u[k]) / each.sigma, 2);
+    }
+    return sum;
+  };
+  const SpacePoint point = FitPoint(rig, seen);
+  ASSERT_TRUE(point.IsFound()) << point.reason;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double side : {-1.0, 1.0}) {
+      // Where a standard error adds 1 to the sum, a twentieth of it adds 1/400.
+      const Eigen::Vector3d step =
+          side / 20 * std::sqrt(point.noise(axis, axis)) * Eigen::Vector3d::Unit(axis);
+      EXPECT_GT(cost(point.position + step), cost(point.position)) << axis;
+    }
+  }
+}
+
 /// Means over draws of calibration and noise of the rig's points at some distances.
 struct Draws {
   double points = 0, length = 0, rays = 0, rho_held = 0;  // mean squares by their expectation
@@ -168,7 +202,8 @@ struct Draws {
 };
 
 Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, int draws) {
-  const SpaceRig rig = MakeSpaceRig(UncertainRig(options), {});
+  SpaceRig rig = MakeSpaceRig(UncertainRig(options), {});
+  rig.correlation = options.correlation;
   Random random(7);
   Draws sums;
   for (int i = 0; i < draws; ++i) {
@@ -179,7 +214,21 @@ Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, 
     std::vector<Eigen::Vector3d> at;
     for (const double distance : distances) {
       at.push_back(distance * Eigen::Vector3d(0.05, 0.08 - 0.03 * distance / 10, 1));
-      points.push_back(FitPoint(rig, Seen(truth, at.back(), 1, options.common_noise, &random)));
+      std::vector<SpaceObservation> seen = Seen(truth, at.back(), 1, options.common_noise, &random);
+      if (options.correlation > 0) {
+        // From independent noise to that with a common part.
+        const Eigen::Vector2d common = random.Gaussians<2>(kNoise * std::sqrt(options.correlation));
+        for (SpaceObservation& each : seen) {
+          std::array<double, kMaxObservationSize> exact{};
+          if (!ImageOf(truth[each.camera], at.back(), 1, exact.data())) return sums;
+          for (size_t k = 0; k < 2; ++k) {
+            each.values[k] = exact[k] +
+                             std::sqrt(1 - options.correlation) * (each.values[k] - exact[k]) +
+                             common[static_cast<Eigen::Index>(k)];
+          }
+        }
+      }
+      points.push_back(FitPoint(rig, seen));
       if (!points.back().IsFound()) return sums;
     }
     // All points together, with the covariance that they share.
@@ -251,6 +300,12 @@ TEST(PointFit, StandardErrorsHoldWithDisplacementsThatTheCalibrationStates) {
 TEST(PointFit, StandardErrorsHoldForAPlenopticCameraOnARig) {
   ExpectTrue({.models = {"pinhole-radial3", "focused-plenoptic"}, .common_noise = 0.04},
              {0.8, 1, 1.2});
+}
+
+TEST(PointFit, StandardErrorsHoldForNoiseThatIsCommonToCameras) {
+  const std::string model = "pinhole-radial3";
+  ExpectTrue({.models = {model, model, model}, .calibration = 0.1, .correlation = 0.7},
+             {1, 1.3, 2});
 }
 
 TEST(PointFit, IntervalsOfFarPointsHoldInInverseDistance) {
@@ -361,6 +416,35 @@ TEST(SpaceRig, ScalesTheStandardErrorsOfAllCamerasAlike) {
     const double factor = plain.unknowns[i].camera == 0 ? 1 : 2;
     EXPECT_NEAR(scaled.root.row(row).norm(), factor * plain.root.row(row).norm(), 1e-9) << i;
   }
+}
+
+TEST(SpaceRig, HasTheCalibrationsCovarianceBetweenCameras) {
+  CalibrationRecord record = UncertainRig({});
+  for (const CalibratedCamera& camera : record.cameras) {
+    for (const Param& param : camera.model->params) {
+      record.correlations.names.push_back(camera.name + "." + std::string(param.name));
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(record.correlations.names.size());
+  record.correlations.matrix =
+      0.5 * Eigen::MatrixXd::Identity(n, n) + 0.5 * Eigen::MatrixXd::Ones(n, n);
+  const SpaceRig rig = MakeSpaceRig(record, {});
+  const Eigen::MatrixXd C = rig.root * rig.root.transpose();
+  int between = 0;
+  for (size_t i = 0; i < rig.unknowns.size(); ++i) {
+    for (size_t j = 0; j < rig.unknowns.size(); ++j) {
+      const auto &a = rig.unknowns[i], &b = rig.unknowns[j];
+      if (!a.param || !b.param || i == j) continue;
+      const double sigmas =
+          record.cameras[a.camera].Sigma(*a.param) * record.cameras[b.camera].Sigma(*b.param);
+      EXPECT_NEAR(C(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)),
+                  0.5 * sigmas,
+                  1e-6 * sigmas)
+          << i << " " << j;
+      between += a.camera != b.camera ? 1 : 0;
+    }
+  }
+  EXPECT_GT(between, 0);
 }
 
 TEST(SpaceRig, HasTheCalibrationsNoiseForTheDetectorsSigma) {
