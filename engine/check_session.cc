@@ -26,7 +26,7 @@ void UseChoiceOf(const CalibrationRecord& old, Session* session) {
     if (OfOneKind(*same->model, *camera.model)) UseModel(*same->model, &camera);
   }
   if (!session->auto_refine) return;
-  session->refine_target = !old.adjustment.value_or(AdjustmentRecord{}).marker_freedom.IsRigid();
+  session->refine_target = !old.adjustment.value_or(AdjustmentRecord{}).marker_freedom.IsHeld();
 }
 
 }  // namespace

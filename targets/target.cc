@@ -22,6 +22,11 @@ namespace {
 // Keys of all types, our own and Kalibr's.
 constexpr TargetKey kTolerance{
     "tolerance", "m", "standard deviation of each nominal coordinate of a marker", "fixed markers"};
+constexpr TargetKey kScaleSigma{
+    "scale_sigma",
+    "1",
+    "relative standard deviation of the size from the nominal one, a number or [x, y]",
+    "exact size"};
 constexpr TargetKey kMarkers{"markers",
                              "m",
                              "refined positions, number: [x, y, z]; of type markers all positions",
@@ -31,6 +36,7 @@ constexpr TargetKey kSigma{
 constexpr std::array kCommonKeys{TargetKey{"plenocal", "", "version of the format, 1", ""},
                                  TargetKey{"type", "", "name of the target type", ""},
                                  kTolerance,
+                                 kScaleSigma,
                                  kMarkers,
                                  kSigma};
 
@@ -57,7 +63,7 @@ Target ReadTyped(const YamlNode& node,
     if (type_key == "type") keys.insert(keys.begin(), "plenocal");
     const std::vector<std::string_view> own = internal::KeyNames(type.keys);
     keys.insert(keys.end(), own.begin(), own.end());
-    keys.insert(keys.end(), {kTolerance.name, kMarkers.name, kSigma.name});
+    keys.insert(keys.end(), {kTolerance.name, kScaleSigma.name, kMarkers.name, kSigma.name});
     node.CheckKeys(keys);
     std::vector<std::string_view> required;
     for (const TargetKey& key : type.keys) {
@@ -144,6 +150,21 @@ void CheckUnits(const YamlNode& node) {
   }
 }
 
+std::vector<TargetScale> ReadScaleSigma(const YamlNode& node) {
+  const auto read = [](const YamlNode& number) {
+    const double sigma = number.AsNumber();
+    if (!(sigma > 0 && sigma < 1)) {
+      number.Fail("expected a part of the size above 0 and below 1; 0.005 is 0.5 %");
+    }
+    return sigma;
+  };
+  if (!node.IsSequence()) return {{.sigma = read(node)}};
+  const std::vector<YamlNode> both = node.Elements();
+  if (both.size() != 2) node.Fail("expected a number, or two, of the axes: [x, y]");
+  return {{.axes = Eigen::Vector3d::UnitX(), .sigma = read(both[0])},
+          {.axes = Eigen::Vector3d::UnitY(), .sigma = read(both[1])}};
+}
+
 Target ReadKeys(const YamlNode& node) {
   Target target;
   if (!node.Has("plenocal") && node.Has("target_type")) {
@@ -158,6 +179,12 @@ Target ReadKeys(const YamlNode& node) {
     target.tolerance = node.At("tolerance").AsLength();
     if (node.Has("target_type")) {
       target.nominal_yaml += fmt::format("tolerance: {}\n", *target.tolerance);
+    }
+  }
+  if (node.Has("scale_sigma")) {
+    target.scales = ReadScaleSigma(node.At("scale_sigma"));
+    if (node.Has("target_type")) {
+      target.nominal_yaml += "scale_sigma: " + node.At("scale_sigma").Dump() + "\n";
     }
   }
   ReadRefinement(node, &target);

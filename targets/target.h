@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/camera/marker_freedom.h"
 #include "calib/files/session.h"
 #include "calib/io/yaml.h"
 #include "targets/target_layouts.h"
@@ -25,6 +26,9 @@ struct Target {
   MarkerPositions markers;
   /// Standard deviation of each nominal marker coordinate, m; empty when the file states none.
   std::optional<double> tolerance;
+  /// Of the target's size, from `scale_sigma`: none, one, or one for each of the axes x and y; of
+  /// several targets those of all.
+  std::vector<TargetScale> scales;
   /// The file's own keys without `markers` and `sigma` of a refinement, as YAML lines, so that a
   /// refined target keeps them. For Kalibr's file: the equivalent keys of ours.
   std::string nominal_yaml;
@@ -35,7 +39,7 @@ std::vector<TargetType> TargetTypes();
 /// The keys that all types have beside their own, in the order of a file.
 std::span<const TargetKey> CommonTargetKeys();
 /// The types of Kalibr's own target files (key `target_type`), which also take `tolerance`,
-/// `markers` and `sigma`.
+/// `scale_sigma`, `markers` and `sigma`.
 std::span<const TargetType> KalibrTargetTypes();
 
 /// Reads target.yaml of any type, or Kalibr's own target file (`target_type: aprilgrid`,

@@ -105,8 +105,8 @@ Json TargetFields(const YamlNode& target) {
              &fields);
   }
   for (const TargetKey& key : CommonTargetKeys()) {
-    if (key.name != "tolerance") continue;
-    AddField(target, {{"tolerance"}, std::string(key.meaning), key.unit}, &fields);
+    if (key.name != "tolerance" && key.name != "scale_sigma") continue;
+    AddField(target, {{std::string(key.name)}, std::string(key.meaning), key.unit}, &fields);
   }
   return fields;
 }

@@ -147,7 +147,7 @@ std::optional<BentTarget> FindBentTarget(const Calibration& calibration,
                                          const std::function<bool()>& go_on) {
   const Bundle& bundle = calibration.bundle;
   const std::optional<MarkerPlane> plane = FindPlane(Nominal(bundle));
-  if (bundle.EstimatesMarkers() || !plane) return std::nullopt;
+  if (!bundle.marker_freedom.IsHeld() || !plane) return std::nullopt;
   const std::vector<double> typical = TypicalSigmas(bundle);
   const SolveOptions options{typical, loss, go_on};
   // Solved again, since `calibration` may be a part of a longer one.

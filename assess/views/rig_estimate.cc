@@ -126,6 +126,10 @@ RigEstimate MakeRigEstimate(const CalibrationRecord& calibration) {
   }
   if (calibration.adjustment) bundle.marker_freedom = calibration.adjustment->marker_freedom;
   if (bundle.marker_freedom.IsRigid()) rig.marker_sigmas.clear();
+  // The size of the print is no error of single markers.
+  for (auto& [number, sigma] : rig.marker_sigmas) {
+    if (!calibration.target_scales.empty()) sigma = sigma.cwiseMin(bundle.marker_freedom.Sigma());
+  }
   if (calibration.jitter) {
     bundle.jitter.translation_sigma = calibration.jitter->translation_sigma;
     bundle.jitter.rotation_sigma = calibration.jitter->rotation_sigma;

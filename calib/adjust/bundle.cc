@@ -9,6 +9,20 @@
 
 namespace plenocal {
 
+Eigen::Vector3d BundleState::ByScale(const TargetScale& scale, int marker) const {
+  const BundleMarker& of = markers[static_cast<size_t>(marker)];
+  if (of.target != scale.target) return Eigen::Vector3d::Zero();
+  if (targets.empty()) return scale.axes.cwiseProduct(of.nominal);
+  const RigidTransform& T = targets[static_cast<size_t>(of.target)].T_target_own;
+  return T.R * scale.axes.cwiseProduct(T.Inverse() * of.nominal);
+}
+
+Eigen::Vector3d BundleState::Expected(int marker) const {
+  Eigen::Vector3d place = markers[static_cast<size_t>(marker)].nominal;
+  for (const TargetScale& scale : scales) place += scale.value * ByScale(scale, marker);
+  return place;
+}
+
 Vector6d BundleState::MotionIncrement(size_t frame, size_t camera) const {
   const ViewMotion& of_view = motion[View(frame, camera)];
   const BundleCamera& of = cameras[camera];
@@ -179,6 +193,13 @@ Eigen::VectorXd DeviationFromPrior(const BundleState& bundle) {
                              camera.T_camera_rig)[unknown.component];
   }
   return deviation;
+}
+
+std::string NameOfScale(const BundleState& bundle, const TargetScale& scale) {
+  const bool one = bundle.targets.empty();
+  std::string name = one ? "target" : bundle.targets[static_cast<size_t>(scale.target)].name;
+  name += ".scale";
+  return scale.axes == Eigen::Vector3d::Ones() ? name : name + (scale.axes.x() > 0 ? "_x" : "_y");
 }
 
 std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown) {

@@ -103,13 +103,14 @@ struct ViewMotion {
   Vector6d velocity = Vector6d::Zero();       ///< m/s, rad/s
 };
 
-/// A measured distance between two landmarks, or between the centres of several, as of tags.
+/// A measured distance between two markers, or between the centres of several, as of tags.
 struct MarkerDistance {
   std::vector<int> markers_a, markers_b;  ///< indices into Bundle::markers
   double length = 0, sigma = 0;           ///< m
   /// Standard deviation of an error that all distances with one share, as tags printed at a wrong
   /// scale do, m; beside `sigma`.
   double common_sigma = 0;
+  std::string name = {};  ///< "tag 3 to tag 7"
 };
 
 /// The prior from an earlier calibration: Gaussian, on parameters and extrinsics together.
@@ -134,7 +135,8 @@ struct BundleState {
   /// Several targets, of which the markers are parts; empty: one.
   std::vector<BundleTarget> targets = {};
   MarkerFreedom marker_freedom = {};
-  std::vector<MarkerDistance> distances = {};  ///< between landmarks
+  std::vector<TargetScale> scales = {};        ///< where markers have a tolerance
+  std::vector<MarkerDistance> distances = {};  ///< where markers are estimated
   std::optional<CalibrationPrior> prior = {};
   /// The frame whose pose is fixed: without nominal positions nothing else places the landmarks'
   /// frame.
@@ -154,6 +156,10 @@ struct BundleState {
     const auto target = static_cast<size_t>(markers[static_cast<size_t>(marker)].target);
     return targets[target].is_fixed ? std::nullopt : std::optional(target);
   }
+  /// Change of a marker's place with a scale; zero where that is another target's.
+  [[nodiscard]] Eigen::Vector3d ByScale(const TargetScale& scale, int marker) const;
+  /// A marker's place by its nominal one and the scales.
+  [[nodiscard]] Eigen::Vector3d Expected(int marker) const;
   [[nodiscard]] bool EstimatesJitter() const { return jitter.translation_sigma > 0; }
   /// The parameter whose value a parameter has: itself or the one that it is tied to.
   [[nodiscard]] ParamIndex Root(size_t camera, size_t param) const {
@@ -230,6 +236,8 @@ std::vector<ParamPrior> ParamPriors(const BundleState& bundle);
 
 /// Present values of the prior's unknowns less those of the prior. REQUIRES: `bundle.prior`.
 Eigen::VectorXd DeviationFromPrior(const BundleState& bundle);
+/// "target.scale", or "wall.scale_x" of one of several targets and along its x axis.
+std::string NameOfScale(const BundleState& bundle, const TargetScale& scale);
 /// "left.f_x", "right.T_camera_rig.w_y".
 std::string NameOfPriorUnknown(const Bundle& bundle, size_t unknown);
 

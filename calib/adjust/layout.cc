@@ -55,6 +55,10 @@ UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior) {
     }
   }
   layout.markers = bundle.EstimatesMarkers() && !bundle.HasLandmarks();
+  if (layout.markers && !bundle.scales.empty()) {
+    layout.scales = layout.head;
+    layout.head += static_cast<int>(std::ssize(bundle.scales));
+  }
   layout.total = layout.head;
   if (layout.markers) layout.total = layout.Marker(static_cast<int>(bundle.markers.size()));
   return layout;
@@ -62,6 +66,7 @@ UnknownLayout MakeLayout(const Bundle& bundle, bool of_prior) {
 
 std::vector<int> UnknownsOf(const UnknownLayout& layout, size_t camera) {
   std::vector<int> unknowns = layout.params[camera];
+  for (int i = layout.scales; i >= 0 && i < layout.head; ++i) unknowns.push_back(i);
   const auto add = [&](int first) {
     for (int i = 0; first >= 0 && i < 6; ++i) unknowns.push_back(first + i);
   };
@@ -102,6 +107,14 @@ StepBounds BoundsOfStep(const UnknownLayout& layout, const BundleState& bundle) 
 void Move(const UnknownLayout& layout, const Eigen::VectorXd& step, BundleState* bundle) {
   for (size_t m = 0; layout.markers && m < bundle->markers.size(); ++m) {
     bundle->markers[m].position += step.segment<3>(layout.Marker(static_cast<int>(m)));
+  }
+  for (size_t k = 0; layout.scales >= 0 && k < bundle->scales.size(); ++k) {
+    const double change = step[layout.scales + static_cast<int>(k)];
+    bundle->scales[k].value += change;
+    for (size_t m = 0; m < bundle->markers.size(); ++m) {
+      bundle->markers[m].position +=
+          change * bundle->ByScale(bundle->scales[k], static_cast<int>(m));
+    }
   }
   for (size_t c = 0; c < bundle->cameras.size(); ++c) {
     BundleCamera& camera = bundle->cameras[c];

@@ -16,6 +16,7 @@ struct UnknownLayout {
   std::vector<std::vector<int>> params;  ///< per camera and parameter; -1 when not estimated
   std::vector<int> extrinsics;           ///< per camera; -1 where not estimated
   std::vector<int> targets;              ///< per target; -1 where its pose is not estimated
+  int scales = -1;                       ///< first of the targets' scales; -1 where there are none
   /// Per camera: first of its own parameters and extrinsics, which follow each other; then the
   /// first index after all of them.
   std::vector<int> first = {};

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <optional>
+
+#include "calib/adjust/rows.h"
 
 namespace plenocal::internal {
 namespace {
@@ -66,21 +69,36 @@ std::vector<SparseRow> RowsOfCalibrationPrior(const BundleState& bundle,
 std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayout& layout) {
   std::vector<SparseRow> rows = RowsOfParamPriors(bundle, layout);
   std::ranges::move(RowsOfCalibrationPrior(bundle, layout), std::back_inserter(rows));
+  for (size_t k = 0; layout.scales >= 0 && k < bundle.scales.size(); ++k) {
+    const auto& [target, axes, sigma, value] = bundle.scales[k];
+    rows.push_back(
+        {.J = {{layout.scales + static_cast<int>(k), 1 / sigma}}, .residual = value / sigma});
+  }
   return rows;
 }
 
-void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information) {
+void AddInformation(const std::vector<SparseRow>& rows,
+                    Eigen::MatrixXd* information,
+                    int left_out) {
   for (const SparseRow& row : rows) {
     for (const auto& [a, J_a] : row.J) {
       for (const auto& [b, J_b] : row.J) {
-        if (a >= b) (*information)(a, b) += J_a * J_b;
+        if (a >= b && b < left_out) (*information)(a, b) += J_a * J_b;
       }
     }
   }
 }
 
+std::vector<SparseRow> RowsOfDistances(const BundleState& bundle, const UnknownLayout& layout) {
+  if (!layout.markers) return {};
+  return RowsOfDistances(
+      bundle, layout, [&](int marker) { return layout.Marker(marker); }, bundle);
+}
+
 std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
-                                       const std::function<int(int marker)>& first) {
+                                       const UnknownLayout& layout,
+                                       const std::function<int(int marker)>& first,
+                                       const BundleState& start) {
   std::vector<MarkerDistance> distances = bundle.distances;
   if (bundle.scale_distance) distances.push_back(*bundle.scale_distance);
   std::vector<SparseRow> rows;
@@ -97,15 +115,31 @@ std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
       return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
     };
     const Eigen::Vector3d apart = centre(distance.markers_a) - centre(distance.markers_b);
-    const Eigen::Vector3d J = apart.normalized() / distance.sigma;  // zero where the ends coincide
+    // Zero where the ends coincide.
+    const Eigen::RowVector3d J = apart.normalized().transpose() / distance.sigma;
     SparseRow& row = rows.emplace_back();
     row.residual = apart.isZero(0) ? std::numeric_limits<double>::infinity()
                                    : (apart.norm() - distance.length) / distance.sigma;
     const auto add = [&](const std::vector<int>& markers, double sign) {
       for (const int marker : markers) {
-        for (int i = 0; i < 3; ++i) {
-          row.J[first(marker) + i] += sign * J[i] / static_cast<double>(markers.size());
+        const auto add_columns = [&](int index, const auto& by_position) {
+          const auto by = (sign / static_cast<double>(markers.size()) * J * by_position).eval();
+          for (int i = 0; i < by.size(); ++i) row.J[index + i] += by[i];
+        };
+        for (size_t k = 0; layout.scales >= 0 && k < bundle.scales.size(); ++k) {
+          add_columns(layout.scales + static_cast<int>(k),
+                      bundle.ByScale(bundle.scales[k], marker));
         }
+        const std::optional<size_t> target = bundle.FreeTarget(marker);
+        if (!target) {
+          add_columns(first(marker), Eigen::Matrix3d(Eigen::Matrix3d::Identity()));
+          continue;
+        }
+        const RigidTransform& T = bundle.targets[*target].T_target_own;
+        add_columns(first(marker),
+                    Eigen::Matrix3d(T.R * start.targets[*target].T_target_own.R.transpose()));
+        add_columns(layout.targets[*target],
+                    PointByTargetPose(T, bundle.markers[static_cast<size_t>(marker)].position));
       }
     };
     add(distance.markers_a, 1);

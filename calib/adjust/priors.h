@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Priors of cameras' parameters and extrinsics, and measured distances, as rows of the adjustment.
+// Priors of cameras' parameters and extrinsics and of targets' scales, and measured distances, as
+// rows of the adjustment.
 #pragma once
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <map>
 #include <vector>
 
@@ -25,16 +27,24 @@ std::vector<SparseRow> RowsOfParamPriors(const BundleState& bundle, const Unknow
 std::vector<SparseRow> RowsOfCalibrationPrior(const BundleState& bundle,
                                               const UnknownLayout& layout);
 
-/// Both.
+/// Both, and those of the targets' scales.
 std::vector<SparseRow> RowsOfPriors(const BundleState& bundle, const UnknownLayout& layout);
 
-/// Adds J' J to the lower triangle of `information`.
-void AddInformation(const std::vector<SparseRow>& rows, Eigen::MatrixXd* information);
+/// Adds J' J to the lower triangle of `information`, but not for pairs of unknowns of which both
+/// are `left_out` or follow it.
+void AddInformation(const std::vector<SparseRow>& rows,
+                    Eigen::MatrixXd* information,
+                    int left_out = std::numeric_limits<int>::max());
 
-/// Distances between landmarks. `first`: index of the first of a landmark's three unknowns, or -1
-/// for one that has none, whose distances are left out. Where two ends coincide residuals are not
+/// Distances between markers. `first`: index of the first of a marker's three unknowns, or -1 for
+/// one that has none, whose distances are left out. Where two ends coincide residuals are not
 /// finite.
+/// `start`: the bundle whose targets' poses the markers follow from there on.
 std::vector<SparseRow> RowsOfDistances(const BundleState& bundle,
-                                       const std::function<int(int marker)>& first);
+                                       const UnknownLayout& layout,
+                                       const std::function<int(int marker)>& first,
+                                       const BundleState& start);
+/// Those between the markers of `layout`; none where it has no markers.
+std::vector<SparseRow> RowsOfDistances(const BundleState& bundle, const UnknownLayout& layout);
 
 }  // namespace plenocal::internal

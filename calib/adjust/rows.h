@@ -147,6 +147,12 @@ void ForEachDerivative(const BundleState& bundle,
     const auto by_pose = PointByTargetPose(bundle.targets[*target].T_target_own, position);
     add(layout.targets[*target], rows.Position() * by_pose);
   }
+  for (size_t k = 0; layout.scales >= 0 && k < bundle.scales.size(); ++k) {
+    if (bundle.scales[k].target != bundle.markers[static_cast<size_t>(rows.Marker())].target)
+      continue;
+    add(layout.scales + static_cast<int>(k),
+        (rows.Position() * bundle.ByScale(bundle.scales[k], rows.Marker())).eval());
+  }
   if (layout.markers) add(layout.Marker(rows.Marker()), rows.Position());
 }
 

@@ -235,6 +235,7 @@ void AddFindings(const BundleGuess& guess, Calibration* calibration) {
   }
   Append(FindingsOfJitter(calibration->bundle), &findings);
   Append(FindingsOfTimeShifts(calibration->bundle, calibration->uncertainty), &findings);
+  Append(FindingsOfTargetScale(calibration->bundle, calibration->uncertainty), &findings);
   Append(FindingsOfRules(calibration->bundle, calibration->uncertainty), &findings);
 }
 

@@ -198,6 +198,13 @@ CalibrationRecord Describe(const Calibration& calibration) {
   }
   DescribeMarkers(calibration, &record);
   record.targets = DescribeTargets(calibration);
+  for (size_t k = 0; calibration.uncertainty.scale_index >= 0 && k < bundle.scales.size(); ++k) {
+    const auto i = calibration.uncertainty.scale_index + static_cast<Eigen::Index>(k);
+    record.target_scales.emplace_back(
+        NameOfScale(bundle, bundle.scales[k]),
+        EstimatedNumber{bundle.scales[k].value,
+                        std::sqrt(calibration.uncertainty.covariance(i, i))});
+  }
   DescribeObservations(calibration, &record);
   record.adjustment = {.converged = calibration.converged,
                        .iterations = calibration.iterations,

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
+
+#include "calib/adjust/priors.h"
 
 namespace plenocal {
 
@@ -89,6 +92,52 @@ std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertaint
                              shift > 0 ? "later" : "earlier",
                              cameras[0].name),
          .remedy = {}});
+  }
+  return findings;
+}
+
+std::vector<Finding> FindingsOfTargetScale(const Bundle& bundle, const Uncertainty& uncertainty) {
+  constexpr double kContradiction = 4;   // standard deviations
+  constexpr double kLeastGained = 1e-3;  // of a prior: less tests rounding
+  std::vector<Finding> findings;
+  const auto add = [&](double away, std::string what, const char* remedy) {
+    if (away < kContradiction) return;
+    findings.push_back({.code = "target_scale_contradicted",
+                        .grade = Grade::kUsable,
+                        .value = away,
+                        .limit = kContradiction,
+                        .what = std::move(what),
+                        .remedy = remedy});
+  };
+  for (size_t k = 0; uncertainty.scale_index >= 0 && k < bundle.scales.size(); ++k) {
+    const auto i = uncertainty.scale_index + static_cast<Eigen::Index>(k);
+    const TargetScale& scale = bundle.scales[k];
+    const double variance = uncertainty.covariance(i, i);
+    const double expected = std::sqrt(std::max(0.0, scale.sigma * scale.sigma - variance));
+    if (!(expected > kLeastGained * scale.sigma)) continue;
+    const double away = std::abs(scale.value) / expected;
+    add(away,
+        fmt::format(
+            "{} is {:+.3g} +- {:.2g} %, {:.1f} sigmas of what scale_sigma, {:.2g} %, allows.",
+            NameOfScale(bundle, scale),
+            100 * scale.value,
+            100 * std::sqrt(variance),
+            away,
+            100 * scale.sigma),
+        "Measure the print and the distances again; enlarge 'scale_sigma' if the print is off.");
+  }
+  const auto layout = internal::MakeLayout(bundle);
+  const std::vector<internal::SparseRow> rows = internal::RowsOfDistances(bundle, layout);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const MarkerDistance& distance = bundle.distances[i];
+    add(std::abs(rows[i].residual),
+        fmt::format("The distance {}, {:.6g} m, differs by {:+.2g} mm, {:.1f} sigmas, from that of "
+                    "the estimated markers.",
+                    distance.name,
+                    distance.length,
+                    -1e3 * rows[i].residual * distance.sigma,
+                    std::abs(rows[i].residual)),
+        "Measure it again; if the print's size is not exact, state 'scale_sigma' of the target.");
   }
   return findings;
 }

@@ -26,6 +26,10 @@ std::vector<Finding> FindingsOfJitter(const Bundle& bundle);
 /// Cameras whose images were taken at another time than they state.
 std::vector<Finding> FindingsOfTimeShifts(const Bundle& bundle, const Uncertainty& uncertainty);
 
+/// Sizes of targets that images and measured distances contradict, and distances that contradict a
+/// size which is taken as known.
+std::vector<Finding> FindingsOfTargetScale(const Bundle& bundle, const Uncertainty& uncertainty);
+
 /// Bounds that the estimate lies on, and priors that the images contradict.
 std::vector<Finding> FindingsOfRules(const Bundle& bundle, const Uncertainty& uncertainty);
 

@@ -226,6 +226,34 @@ void AddFrames(const CalibrationInput& input, BundleGuess* guess) {
   }
 }
 
+// Distances between markers that images show.
+void AddDistances(const CalibrationInput& input, BundleGuess* guess) {
+  Bundle& bundle = guess->bundle;
+  std::map<int, int> seen;  // by number: index
+  for (const BundleObservation& observation : bundle.observations) {
+    seen[bundle.markers[static_cast<size_t>(observation.marker)].number] = observation.marker;
+  }
+  for (MarkerDistance distance : input.distances) {
+    std::vector<int> unseen;
+    for (std::vector<int>* markers : {&distance.markers_a, &distance.markers_b}) {
+      for (int& marker : *markers) {
+        const auto found = seen.find(marker);
+        if (found == seen.end()) {
+          unseen.push_back(marker);
+        } else {
+          marker = found->second;
+        }
+      }
+    }
+    if (unseen.empty()) {
+      bundle.distances.push_back(distance);
+    } else {
+      guess->left_out.push_back({fmt::format("distance {}", distance.name),
+                                 fmt::format("no image shows marker {}", unseen[0])});
+    }
+  }
+}
+
 bool StatesSigmas(const CameraInput& camera) {
   for (const View& view : camera.views) {
     for (const Observation& seen : view.observations) {
@@ -309,7 +337,9 @@ BundleGuess GuessBundle(const CalibrationInput& given, int threads) {
   AddCameras(input, T_camera_rig, &guess);
   guess.bundle.marker_freedom = input.marker_freedom;
   guess.bundle.prior = input.prior;
+  guess.bundle.scales = input.scales;
   AddFrames(input, &guess);
+  AddDistances(input, &guess);
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     guess.sigmas.push_back(AssumeSigmas(input.cameras[c], c, &guess.bundle.observations));
   }

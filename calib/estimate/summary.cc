@@ -163,12 +163,27 @@ std::string TimeShiftText(const Calibration& calibration, size_t c) {
                      calibration.bundle.cameras[0].name);
 }
 
+std::string ScaleText(const Calibration& calibration) {
+  std::string text;
+  const Uncertainty& uncertainty = calibration.uncertainty;
+  for (size_t k = 0; uncertainty.scale_index >= 0 && k < calibration.bundle.scales.size(); ++k) {
+    const TargetScale& scale = calibration.bundle.scales[k];
+    const auto i = uncertainty.scale_index + static_cast<Eigen::Index>(k);
+    text +=
+        fmt::format("\n{}: {} % larger than stated\n",
+                    NameOfScale(calibration.bundle, scale),
+                    WithSigma(100 * scale.value, 100 * std::sqrt(uncertainty.covariance(i, i))));
+  }
+  return text;
+}
+
 std::string TargetText(const Bundle& bundle) {
-  if (!bundle.marker_freedom.HasTolerance()) return {};
+  if (!bundle.marker_freedom.HasTolerance() || bundle.marker_freedom.IsHeld()) return {};
   double sum = 0, largest = 0;
   int worst = 0;
-  for (const BundleMarker& marker : bundle.markers) {
-    const double moved = (marker.position - marker.nominal).norm();
+  for (size_t m = 0; m < bundle.markers.size(); ++m) {
+    const BundleMarker& marker = bundle.markers[m];
+    const double moved = (marker.position - bundle.Expected(static_cast<int>(m))).norm();
     sum += moved * moved;
     if (moved > largest) {
       largest = moved;
@@ -225,7 +240,7 @@ std::string Summary(const Calibration& calibration) {
     if (!camera.is_master) text += ExtrinsicsText(calibration, c);
     if (camera.Find(nuisances::kTimeShift)) text += TimeShiftText(calibration, c);
   }
-  return text + TargetPosesText(calibration) + TargetText(bundle);
+  return text + TargetPosesText(calibration) + ScaleText(calibration) + TargetText(bundle);
 }
 
 }  // namespace plenocal

@@ -136,6 +136,16 @@ std::string TargetsYaml(const std::vector<TargetRecord>& targets) {
   return text;
 }
 
+// The number of a single scale, else a map by their names.
+std::string TargetScalesYaml(const CalibrationRecord& calibration) {
+  std::string text;
+  for (const auto& [name, scale] : calibration.target_scales) {
+    if (name == "target.scale") return fmt::format("target_scale: {}\n", EstimateMap(scale));
+    text += fmt::format("  {}: {}\n", YamlText(name), EstimateMap(scale));
+  }
+  return text.empty() ? text : "target_scale:\n" + text;
+}
+
 std::string CameraYaml(const CalibratedCamera& camera, bool is_estimated) {
   const CameraModel& model = *camera.model;
   std::string text = fmt::format("  {}:\n    model: {}\n    image_size: [{}, {}]\n",
@@ -531,7 +541,7 @@ std::string CalibrationYaml(const CalibrationRecord& calibration) {
   for (const CalibratedCamera& camera : calibration.cameras) {
     text += CameraYaml(camera, calibration.adjustment.has_value());
   }
-  text += TargetsYaml(calibration.targets);
+  text += TargetsYaml(calibration.targets) + TargetScalesYaml(calibration);
   if (calibration.adjustment) text += AdjustmentYaml(calibration);
   if (calibration.verdict) text += VerdictYaml(*calibration.verdict);
   if (!calibration.provenance.empty()) text += "provenance:\n";
@@ -570,6 +580,13 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
     calibration.targets.push_back({.name = name,
                                    .T_target_own = ReadXi(node.At("xi_target_own")),
                                    .sigma_xi = ReadSigmaXi(node)});
+  }
+  if (const auto scale = root.Find("target_scale"); scale && scale->Has("value")) {
+    calibration.target_scales = {{"target.scale", ReadEstimate(*scale)}};
+  } else {
+    for (const auto& [name, node] : Entries(root, "target_scale")) {
+      calibration.target_scales.emplace_back(name, ReadEstimate(node));
+    }
   }
   if (const auto node = root.Find("adjustment")) {
     calibration.adjustment = {

@@ -197,7 +197,7 @@ struct WeakUnknowns {
 
 /// Correlations of all unknowns of a calibration. Parameters are named "camera.name", sizes of
 /// common displacements "camera.shared_1", ..., the components of a camera's se(3) vector
-/// "camera.T_camera_rig.x", y, z, w_x, w_y, w_z.
+/// "camera.T_camera_rig.x", y, z, w_x, w_y, w_z, targets' sizes "target.scale".
 struct Correlations {
   std::vector<std::string> names;
   Eigen::MatrixXd matrix;
@@ -211,8 +211,10 @@ struct CalibrationRecord {
   std::filesystem::path path;             ///< of calibration.yaml, for messages
   std::vector<CalibratedCamera> cameras;  ///< the first is the rig's master
   std::vector<FrameRecord> frames;
-  std::map<int, MarkerRecord> markers;         ///< by number
-  std::vector<TargetRecord> targets;           ///< of several; empty: one target
+  std::map<int, MarkerRecord> markers;  ///< by number
+  std::vector<TargetRecord> targets;    ///< of several; empty: one target
+  /// Relative deviations of targets from their sizes, by name in `correlations`.
+  std::vector<std::pair<std::string, EstimatedNumber>> target_scales = {};
   std::optional<AdjustmentRecord> adjustment;  ///< not set: the parameters were not estimated
   std::optional<JitterRecord> jitter;          ///< not set: a rigid, synchronous rig
   Correlations correlations;

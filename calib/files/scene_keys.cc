@@ -5,11 +5,15 @@
 
 #include <algorithm>
 #include <charconv>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
+
+#include "calib/base/error.h"
+#include "calib/camera/marker_id.h"
 
 namespace plenocal {
 namespace {
@@ -64,17 +68,60 @@ SceneTags ReadSceneTags(const YamlNode& node) {
   return tags;
 }
 
-SceneDistance ReadSceneDistance(const YamlNode& node) {
+// "wall: tag 3", which YAML takes for a map within brackets.
+ScenePosition ReadTargetPosition(const YamlNode& node,
+                                 const std::vector<std::string_view>& targets) {
+  std::string target, text;
+  if (node.IsMap() && node.Entries().size() == 1) {
+    target = node.Entries()[0].first;
+    text = node.Entries()[0].second.AsString();
+  } else {
+    text = node.AsString();
+    if (const size_t colon = text.find(": "); colon != std::string::npos) {
+      target = text.substr(0, colon);
+      text = text.substr(colon + 2);
+    }
+  }
+  const auto found = std::ranges::find(targets, target);
+  if (targets.empty() && !target.empty()) node.Fail("the only target needs no name; leave it out");
+  if (!targets.empty() && found == targets.end()) {
+    node.Fail(fmt::format("expected one of the targets' names first, '{}: {}'{}",
+                          targets[0],
+                          text,
+                          SuggestName(target, targets)));
+  }
+  const auto corner = [](int id, int k) { return 4 * id + k; };
+  std::optional<ScenePosition> position = TagPosition(text, corner);
+  if (const auto marker = NumberAfter("marker", text); marker && marker->second.empty()) {
+    position = ScenePosition{text, {marker->first}};
+  }
+  if (!position) {
+    node.Fail(fmt::format(
+        "expected 'marker NUMBER', 'tag ID' (its centre) or 'tag ID corner 0' to 3, got '{}'",
+        text));
+  }
+  if (targets.empty()) return *position;
+  for (int& number : position->points) {
+    if (number >= MarkerId::kPerTarget) node.Fail("the target has no such marker");
+    number = MarkerId{static_cast<size_t>(found - targets.begin()), number}.Number();
+  }
+  position->name = target + ": " + text;
+  return *position;
+}
+
+SceneDistance ReadSceneDistance(const YamlNode& node,
+                                const char* example,
+                                const std::function<ScenePosition(const YamlNode&)>& read) {
   node.CheckKeys({"between", "value", "length", "sigma"});
   if (node.Has("value") == node.Has("length")) {
     node.Fail("give the distance once: 'value' or 'length' (m, or with a unit)");
   }
   static constexpr std::array<std::string_view, 2> kRequired{"between", "sigma"};
-  node.RequireKeys(kRequired, "between: [point 12, point 40]\nsigma: 0.0005\n");
+  node.RequireKeys(kRequired, fmt::format("between: {}\nsigma: 0.0005\n", example));
   const auto ends = node.At("between").Elements();
-  if (ends.size() != 2) node.At("between").Fail("expected two points: [point 12, point 40]");
-  SceneDistance distance{.a = ReadScenePosition(ends[0]),
-                         .b = ReadScenePosition(ends[1]),
+  if (ends.size() != 2) node.At("between").Fail(fmt::format("expected two points: {}", example));
+  SceneDistance distance{.a = read(ends[0]),
+                         .b = read(ends[1]),
                          .length = node.At(node.Has("value") ? "value" : "length").AsLength(),
                          .sigma = node.At("sigma").AsLength(),
                          .place = ends[0]};
@@ -130,9 +177,22 @@ SceneKeys ReadSceneKeys(const YamlNode& node) {
   }
   if (!node.Has("distances")) return scene;
   for (const YamlNode& distance : node.At("distances").Elements()) {
-    scene.distances.push_back(ReadSceneDistance(distance));
+    scene.distances.push_back(
+        ReadSceneDistance(distance, "[point 12, point 40]", ReadScenePosition));
   }
   return scene;
+}
+
+std::vector<SceneDistance> ReadTargetDistances(const YamlNode& node,
+                                               const std::vector<std::string_view>& targets) {
+  std::vector<SceneDistance> distances;
+  for (const YamlNode& distance : node.Elements()) {
+    distances.push_back(
+        ReadSceneDistance(distance,
+                          targets.empty() ? "[tag 3, tag 7]" : "['wall: tag 3', 'wall: tag 7']",
+                          [&](const YamlNode& end) { return ReadTargetPosition(end, targets); }));
+  }
+  return distances;
 }
 
 }  // namespace plenocal

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The keys of a session without a target: the scene, and the use of an earlier calibration.
+// The keys of a session without a target: the scene, and the use of an earlier calibration; and
+// measured distances of any session.
 #pragma once
 
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/io/yaml.h"
 
 namespace plenocal {
 
-/// A scene point, or the centre of a tag.
+/// A scene point, a marker, or the centre of a tag.
 struct ScenePosition {
   std::string name;         ///< "point 12", "tag 3", "tag 3 corner 0"
   std::vector<int> points;  ///< numbers, as in the tracks; the position is that of their mean
@@ -60,6 +62,11 @@ struct EarlierParams {
   std::vector<size_t> free = {};                  ///< these have a start value alone
   bool free_extrinsics = false;                   ///< so has T_camera_rig
 };
+
+/// Reads `distances` between markers: "marker 12", "tag 3", "tag 3 corner 0"; with several
+/// `targets` after the name of one, "wall: tag 3", and numbered by `MarkerId`. Throws likewise.
+std::vector<SceneDistance> ReadTargetDistances(const YamlNode& node,
+                                               const std::vector<std::string_view>& targets);
 
 /// Reads the map `scene`. Throws `Error` with file, line and key.
 SceneKeys ReadSceneKeys(const YamlNode& node);

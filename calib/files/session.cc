@@ -500,7 +500,7 @@ Session ReadRoot(const YamlNode& root,
   root.CheckVersion();
   root.CheckKeys(
       Words("plenocal target targets scene from extrinsics_only cameras options exclude pairing "
-            "plugins"));
+            "plugins distances"));
   static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
   const bool has_scene = root.Has("scene") || root.Has("targets");
   root.RequireKeys(
@@ -512,6 +512,10 @@ Session ReadRoot(const YamlNode& root,
   Session session;
   session.path = path;
   ReadTargetOrScene(root, path, &session);
+  if (const auto distances = root.Find("distances")) {
+    if (session.scene) distances->Fail("belongs to 'scene' here; move it there");
+    session.distances = ReadTargetDistances(*distances, NamesOf(session.targets));
+  }
   for (const auto& [name, node] : root.At("cameras").Entries()) {
     session.cameras.push_back(ReadCamera(name, node, session, models));
   }

@@ -92,13 +92,14 @@ struct ExcludeRule {
 /// session.yaml: the cameras to calibrate with their images, target and options (docs/formats.md).
 struct Session {
   std::filesystem::path path;
-  std::string text;                    ///< of the file
-  TargetSource target;                 ///< of several, the first
-  std::vector<SessionTarget> targets;  ///< empty: `target` is the only one
-  std::optional<SceneKeys> scene;      ///< in place of a target
-  EarlierFile from;                    ///< of all cameras that name none themselves
-  bool extrinsics_only = false;        ///< parameters stay those of `from`
-  std::vector<SessionCamera> cameras;  ///< the first is the rig's master
+  std::string text;                      ///< of the file
+  TargetSource target;                   ///< of several, the first
+  std::vector<SessionTarget> targets;    ///< empty: `target` is the only one
+  std::optional<SceneKeys> scene;        ///< in place of a target
+  std::vector<SceneDistance> distances;  ///< between markers, of several targets by `MarkerId`
+  EarlierFile from;                      ///< of all cameras that name none themselves
+  bool extrinsics_only = false;          ///< parameters stay those of `from`
+  std::vector<SessionCamera> cameras;    ///< the first is the rig's master
   /// Not set: marker positions are refined when the target has a tolerance.
   std::optional<bool> refine_target;
   bool auto_refine = false;  ///< `refine_target` is to be chosen by held-out frames

@@ -95,7 +95,8 @@ class LandmarkReduction {
     const auto observed_landmark = [&](int m) {
       return by_landmark_[static_cast<size_t>(m)].empty() ? -1 : 3 * m;
     };
-    for (const internal::SparseRow& row : internal::RowsOfDistances(bundle, observed_landmark)) {
+    for (const internal::SparseRow& row :
+         internal::RowsOfDistances(bundle, layout, observed_landmark, bundle)) {
       for (const auto& [unknown, derivative] : row.J) {
         int& index = system_.landmark[static_cast<size_t>(unknown / 3)];
         if (index < 0) index = std::exchange(next, next + 3);
@@ -116,7 +117,8 @@ class LandmarkReduction {
       }
     }
     const auto index = [&](int m) { return system_.landmark[static_cast<size_t>(m)]; };
-    AddInformation(internal::RowsOfDistances(bundle_, index), &system_.information);
+    AddInformation(internal::RowsOfDistances(bundle_, layout_, index, bundle_),
+                   &system_.information);
     AddInformation(internal::RowsOfCalibrationPrior(bundle_, layout_), &system_.information);
     return std::move(system_);
   }

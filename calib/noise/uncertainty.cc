@@ -76,12 +76,13 @@ ReducedSystem Reduce(const Bundle& bundle, const UnknownLayout& layout, Uncertai
     result->degrees_used_by_means[view.camera] += (view.information_of_means * seen).trace();
   }
   reduced.gradient = equations.S.row(layout.total).head(layout.total).transpose();
-  for (size_t m = 0; layout.markers && m < bundle.markers.size(); ++m) {
-    const BundleMarker& marker = bundle.markers[m];
-    reduced.gradient.segment<3>(layout.Marker(static_cast<int>(m))) -=
-        (marker.position - marker.nominal) / bundle.marker_freedom.Variance();
+  for (int m = 0; layout.markers && m < std::ssize(bundle.markers); ++m) {
+    reduced.gradient.segment<3>(layout.Marker(m)) -=
+        (bundle.markers[static_cast<size_t>(m)].position - bundle.Expected(m)) /
+        bundle.marker_freedom.Variance();
   }
   reduced.S = std::move(equations.S);
+  AddInformation(internal::RowsOfDistances(bundle, layout), &reduced.S);
   return reduced;
 }
 
@@ -163,6 +164,9 @@ Naming NameUnknowns(const Bundle& bundle, const UnknownLayout& layout) {
   }
   for (size_t k = 0; k < layout.targets.size(); ++k) {
     if (layout.targets[k] >= 0) add_pose(bundle.targets[k].name + ".T_target.");
+  }
+  for (size_t k = 0; layout.scales >= 0 && k < bundle.scales.size(); ++k) {
+    naming.Add(NameOfScale(bundle, bundle.scales[k]), 1, false);
   }
   return naming;
 }
@@ -269,21 +273,66 @@ Eigen::VectorXd InverseDiagonal(const Eigen::LLT<Eigen::MatrixXd>& factor) {
   return diagonal;
 }
 
-// Standard errors of the markers; returns how many of their coordinates the data determine.
-double SetMarkerErrors(const TailElimination& markers, double marker_sigma, Uncertainty* result) {
+// Rows of distances by the unknowns before the markers, which follow these.
+Eigen::MatrixXd DistancesByHead(const std::vector<internal::SparseRow>& distances,
+                                const TailElimination& markers,
+                                Eigen::Index head) {
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(std::ssize(distances), head);
+  for (Eigen::Index r = 0; r < rows.rows(); ++r) {
+    for (const auto& [index, J] : distances[static_cast<size_t>(r)].J) {
+      if (index < head) {
+        rows(r, index) += J;
+      } else {
+        rows.row(r) -= J * markers.gain.row(index - head);
+      }
+    }
+  }
+  return rows;
+}
+
+// Standard errors of the markers; returns how many of their coordinates, and of their targets'
+// scales, the images determine.
+double SetMarkerErrors(const Bundle& bundle,
+                       const UnknownLayout& layout,
+                       const TailElimination& markers,
+                       const std::vector<internal::SparseRow>& distances,
+                       Uncertainty* result) {
   double determined = 0;
   const Eigen::Index tail = markers.gain.rows();
   if (tail == 0) return determined;
   const Eigen::VectorXd inverse_diagonal = InverseDiagonal(markers.factor);
-  const Eigen::MatrixXd spread = markers.gain * result->covariance;
-  for (Eigen::Index m = 0; m < tail / 3; ++m) {
-    Eigen::Vector3d variance;
-    for (Eigen::Index i = 0; i < 3; ++i) {
-      const Eigen::Index row = 3 * m + i;
-      variance[i] = inverse_diagonal[row] + spread.row(row).dot(markers.gain.row(row));
-      determined += 1 - variance[i] / (marker_sigma * marker_sigma);
+  const auto variances = [&](const Eigen::MatrixXd& gain) {
+    const Eigen::MatrixXd spread = gain * result->covariance;
+    Eigen::VectorXd variance = inverse_diagonal;
+    for (Eigen::Index i = 0; i < tail; ++i) variance[i] += spread.row(i).dot(gain.row(i));
+    return variance;
+  };
+  Eigen::VectorXd variance = variances(markers.gain);
+  for (const double of_one : variance) determined += 1 - of_one / bundle.marker_freedom.Variance();
+  if (layout.scales >= 0) {
+    // They move markers beside these unknowns.
+    Eigen::MatrixXd gain = markers.gain;
+    for (Eigen::Index k = 0; k < std::ssize(bundle.scales); ++k) {
+      for (Eigen::Index m = 0; m < tail / 3; ++m) {
+        gain.block<3, 1>(3 * m, layout.scales + k) -=
+            bundle.ByScale(bundle.scales[static_cast<size_t>(k)], static_cast<int>(m));
+      }
     }
-    result->marker_std_errors.push_back(variance.cwiseSqrt());
+    variance = variances(gain);
+  }
+  for (Eigen::Index row = 0; row < tail; row += 3) {
+    result->marker_std_errors.emplace_back(variance.segment<3>(row).cwiseSqrt());
+  }
+  // What distances determine the images do not.
+  if (distances.empty()) return determined;
+  const Eigen::MatrixXd by_head = DistancesByHead(distances, markers, layout.head);
+  determined -= by_head.cwiseProduct(by_head * result->covariance).sum();
+  for (const internal::SparseRow& row : distances) {
+    Eigen::VectorXd of_markers = Eigen::VectorXd::Zero(tail);
+    for (const auto& [index, J] : row.J) {
+      if (index >= layout.head) of_markers[index - layout.head] = J;
+    }
+    determined -= of_markers.dot(markers.factor.solve(of_markers));
   }
   return determined;
 }
@@ -328,6 +377,7 @@ void SetFromInformation(const Bundle& bundle,
   result->param_index = layout.params;
   result->extrinsics_index = layout.extrinsics;
   result->target_index = layout.targets;
+  result->scale_index = layout.scales;
   const Naming naming = NameUnknowns(bundle, layout);
   result->names = naming.names;
   CovarianceOfUnknowns inverse = InvertInformation(information, naming);
@@ -384,7 +434,8 @@ NoisyInformation SamplePoseNoise(const Bundle& bundle,
       moved.T_rig_target[frame] = Retract(moved.T_rig_target[frame], error);
     }
     const internal::Objective objective = internal::ObjectiveOf(moved, {});
-    const Eigen::MatrixXd S = internal::EliminateFrames(moved, layout, objective, 0, {}).S;
+    Eigen::MatrixXd S = internal::EliminateFrames(moved, layout, objective, 0, {}).S;
+    AddInformation(internal::RowsOfDistances(moved, layout), &S);
     return TailElimination(S, layout.head, layout.Markers()).information + of_priors;
   };
   return SampleNoise(markers.information + of_priors, information_at);
@@ -402,6 +453,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const ReducedSystem reduced = Reduce(bundle, layout, &result);
   // The markers' block is positive definite by their prior.
   const TailElimination markers(reduced.S, layout.head, layout.Markers());
+  const std::vector<internal::SparseRow> distances = internal::RowsOfDistances(bundle, layout);
   result.frames_information = markers.information;
   result.frames_gradient = reduced.gradient.head(layout.head);
   if (layout.markers) {
@@ -409,6 +461,8 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
         markers.gain.transpose() * reduced.gradient.tail(layout.total - layout.head);
     result.frames_information -=
         markers.gain.transpose() * markers.gain / bundle.marker_freedom.Variance();
+    const Eigen::MatrixXd of_distances = DistancesByHead(distances, markers, layout.head);
+    result.frames_information -= of_distances.transpose() * of_distances;
   }
   const Eigen::MatrixXd of_priors = InformationOfPriors(bundle, layout);
   const Eigen::MatrixXd information = markers.information + of_priors;
@@ -422,7 +476,7 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
     noisy = sample(Separate(noisy, NameUnknowns(bundle, layout).unit).covariance);
   }
   SetFromInformation(bundle, layout, noisy, &result);
-  const double marker_degrees = SetMarkerErrors(markers, bundle.marker_freedom.Sigma(), &result);
+  double marker_degrees = SetMarkerErrors(bundle, layout, markers, distances, &result);
 
   // Markers and targets are shared: each camera's part of them is in proportion to its
   // measurements. Its own unknowns and its part of the poses count for it alone.
@@ -431,6 +485,10 @@ Uncertainty Estimate(const Bundle& bundle, By by) {
   const double all_coordinates = std::accumulate(coordinates.begin(), coordinates.end(), 0.0);
   const Eigen::VectorXd by_priors =
       result.covariance.cwiseProduct(of_priors).rowwise().sum();  // degrees that these determine
+  if (layout.scales >= 0) {
+    const Eigen::Index count = layout.head - layout.scales;
+    marker_degrees += static_cast<double>(count) - by_priors.tail(count).sum();
+  }
   for (size_t c = 0; c < coordinates.size(); ++c) {
     const int first = layout.first[c], count = layout.first[c + 1] - first;
     double own =

@@ -25,6 +25,7 @@ struct Uncertainty {
   std::vector<int> extrinsics_index;
   /// Per target: the same of its pose (`BundleTarget::T_target_own`).
   std::vector<int> target_index = {};
+  int scale_index = -1;  ///< first of the targets' scales; -1: there are none
   /// Per camera: covariance of T_camera_rig in its chart (`Retract`); zero for the master.
   std::vector<Matrix6d> extrinsics_covariance;
   /// Per marker: standard errors of its coordinates, m; empty when markers are not estimated.

@@ -52,6 +52,8 @@ struct CalibrationInput {
   std::map<int, Eigen::Vector3d> markers;
   std::vector<InputTarget> targets = {};  ///< empty: one target
   MarkerFreedom marker_freedom = {};
+  std::vector<TargetScale> scales = {};
+  std::vector<MarkerDistance> distances = {};  ///< between markers by their numbers
   Loss loss = Loss::kHuber;
   /// From earlier calibrations: the prior of parameters and extrinsics, and T_camera_rig of each
   /// camera (per camera, or empty).

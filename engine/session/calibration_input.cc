@@ -46,6 +46,25 @@ MarkerFreedom MarkerFreedomOf(const Session& session, const Target& target, cons
   return refined;
 }
 
+// A scale needs markers that can move, and so does a distance.
+MarkerFreedom LeastFreedom(const CalibrationInput& input) {
+  const bool held = input.marker_freedom.IsHeld();
+  const bool moves = !input.scales.empty() || !input.distances.empty();
+  return held && moves ? MarkerFreedom::Held() : input.marker_freedom;
+}
+
+std::vector<MarkerDistance> DistancesOf(const Session& session) {
+  std::vector<MarkerDistance> distances;
+  for (const SceneDistance& distance : session.distances) {
+    distances.push_back({.markers_a = distance.a.points,
+                         .markers_b = distance.b.points,
+                         .length = distance.length,
+                         .sigma = distance.sigma,
+                         .name = distance.a.name + " to " + distance.b.name});
+  }
+  return distances;
+}
+
 }  // namespace
 
 void UseSessionCamera(const SessionCamera& camera, CameraInput* input) {
@@ -103,6 +122,9 @@ CalibrationInput MakeCalibrationInput(const Session& session,
   input.markers = target.markers;
   input.targets = InputTargetsOf(session);
   input.marker_freedom = MarkerFreedomOf(session, target, run);
+  input.scales = target.scales;
+  input.distances = DistancesOf(session);
+  input.marker_freedom = LeastFreedom(input);
   input.loss = session.loss;
   return input;
 }

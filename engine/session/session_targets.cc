@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -35,12 +36,43 @@ std::optional<double> LargestTolerance(const std::vector<Target>& targets) {
   return largest;
 }
 
+// Distances between markers that the targets have, of targets that stay where they are.
+void CheckDistances(const Session& session, std::span<const Target> targets) {
+  for (const SceneDistance& distance : session.distances) {
+    std::vector<size_t> of;
+    for (const ScenePosition* end : {&distance.a, &distance.b}) {
+      const MarkerId first = MarkerId::FromNumber(end->points[0]);
+      of.push_back(session.targets.empty() ? 0 : first.target);
+      const Target& target = targets[of.back()];
+      const TargetDoubts doubts = DoubtsAbout(target);
+      if (!doubts.unknown.empty()) {
+        distance.place.Fail(fmt::format(
+            "'{0}' of the target is unknown; state it, and in 'scale_sigma' how far it may be off",
+            doubts.unknown));
+      }
+      const bool has = std::ranges::all_of(end->points, [&](int number) {
+        const int own = session.targets.empty() ? number : MarkerId::FromNumber(number).id;
+        return target.markers.contains(own);
+      });
+      const bool is_tag = end->name.find("tag ") != std::string::npos;
+      if (!has || (is_tag && doubts.quads.empty())) {
+        distance.place.Fail(fmt::format("the target has no {}", end->name));
+      }
+    }
+    if (of[0] != of[1] && (session.targets[of[0]].moves || session.targets[of[1]].moves)) {
+      distance.place.Fail(
+          "one of the targets moves ('pose: free'), so that this is no fixed distance");
+    }
+  }
+}
+
 }  // namespace
 
 SessionTargets ReadSessionTargets(const Session& session) {
   SessionTargets targets;
   if (session.targets.empty()) {
     targets.all = ReadTarget(session.target);
+    CheckDistances(session, {&targets.all, 1});
     return targets;
   }
   std::string lines;
@@ -65,8 +97,15 @@ SessionTargets ReadSessionTargets(const Session& session) {
       lines += MarkerLine(MarkerId{k, number}.Number(), position);
     }
   }
+  CheckDistances(session, targets.several);
   targets.identical_boards = CheckDistinct(session, targets.several);
   targets.all = TargetOfMarkers(lines, LargestTolerance(targets.several));
+  for (size_t k = 0; k < targets.several.size(); ++k) {
+    for (TargetScale scale : targets.several[k].scales) {
+      scale.target = static_cast<int>(k);
+      targets.all.scales.push_back(scale);
+    }
+  }
   return targets;
 }
 

@@ -41,7 +41,9 @@ CalibrationInput InputOf(const CalibrationRecord& calibration) {
     start.T_rig_target[frame.name] = frame.T_target_rig.Inverse();
   }
   for (const auto& [number, marker] : calibration.markers) {
-    input.markers[number] = marker.nominal.value_or(marker.position);
+    // A print of another size is as large as it was found to be.
+    const bool nominal = marker.nominal && calibration.target_scales.empty();
+    input.markers[number] = nominal ? *marker.nominal : marker.position;
     start.markers[number] = marker.position;
   }
   if (calibration.adjustment) input.marker_freedom = calibration.adjustment->marker_freedom;

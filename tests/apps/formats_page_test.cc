@@ -76,6 +76,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
         {"jitter", Below::kMap, "Keys of `jitter`"},
         {"undetermined", Below::kListOfMaps, "Keys of an item of `undetermined`"},
         {"targets", Below::kMapOfMaps, "Keys of a target in calibration.yaml"},
+        {"target_scale", Below::kFree},
         {"weak", Below::kListOfMaps, "Keys of an item of `weak`"},
         {"verdict", Below::kMap, "Keys of `verdict`"},
         {"provenance", Below::kMap, "Keys of `provenance`"}}},
@@ -83,6 +84,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
        {{"parameters", Below::kFree},
         {"sigma", Below::kFree},
         {"sigma_jackknife", Below::kFree},
+        {"nuisances", Below::kFree},
         {"residuals", Below::kMap, "Keys of `residuals`"}}},
       {"Keys of `residuals`", {{"rms_by_type", Below::kFree}}},
       {"Keys of `verdict`", {{"findings", Below::kListOfMaps, "Keys of an item of `findings`"}}},
@@ -386,7 +388,7 @@ TEST_F(FormatsPage, HasTheKeysOfKalibrTargets) {
       const std::string first_cell = fmt::format("| `{}` |", type);
       if (!line.starts_with(first_cell)) continue;
       Names documented = NamesInFirstCell(line.substr(first_cell.size() - 1));
-      documented.insert({"target_type", "tolerance", "markers", "sigma"});
+      documented.insert({"target_type", "tolerance", "scale_sigma", "markers", "sigma"});
       Write("target.yaml", fmt::format("target_type: {}\nqqqq: 1\n", type));
       EXPECT_EQ(KnownNames(Run({"target", "target.yaml", "-o", "target.svg"})), documented);
       ++checked;
@@ -507,6 +509,11 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
                   "poses: {{kind: moving, frames: 60, distance: [0.4, 0.8]}}\n",
                   camera));
   ASSERT_EQ(Run({"simulate", "moving.yaml", "--points", "-o", "."}).status, kDone);
+  CalibrateAndSee();
+
+  // A print of another size.
+  WriteProblem(EasyProblem());
+  Write("target.yaml", Read("target.yaml") + "scale_sigma: 0.005\n");
   CalibrateAndSee();
 
   // An estimate at its bound.

@@ -198,6 +198,7 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
       add(layout_.first[c + 1] - layout_.first[c], layout_.extrinsics[c] >= 0);
     }
     for (const int target : layout_.targets) add(target >= 0 ? 6 : 0, true);
+    for (int k = layout_.scales; k >= 0 && k < layout_.head; ++k) add(1, false);
     for (int m = layout_.head; m < layout_.total; m += UnknownLayout::kOfMarker) {
       add(UnknownLayout::kOfMarker, false);
     }
@@ -225,6 +226,10 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     if (start_.EstimatesJitter()) add(Jitter(start_.View(frame, c)));
     if (const auto target = start_.FreeTarget(first.marker)) add(layout_.targets[*target]);
     if (layout_.markers) add(layout_.Marker(first.marker));
+    for (size_t k = 0; layout_.scales >= 0 && k < start_.scales.size(); ++k) {
+      const BundleMarker& marker = start_.markers[static_cast<size_t>(first.marker)];
+      if (start_.scales[k].target == marker.target) add(layout_.scales + static_cast<int>(k));
+    }
     AddCost(static_cast<int>(used * std::ssize(start_.cameras[c].model->measured)),
             blocks,
             [this, observations](double* residuals, bool derive) {
@@ -273,7 +278,8 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
       const int first = layout_.Marker(marker);
       return BlockOf(first).is_used ? first : -1;
     };
-    std::ranges::move(RowsOfDistances(bundle_, position), std::back_inserter(rows));
+    std::ranges::move(RowsOfDistances(bundle_, layout_, position, start_),
+                      std::back_inserter(rows));
     const auto add = [&](int first, const auto& weight, const auto& value) {
       const auto residual = (weight * value).eval();
       for (Eigen::Index r = 0; BlockOf(first).is_used && r < residual.size(); ++r) {
@@ -283,10 +289,10 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     };
     for (size_t m = 0; start_.marker_freedom.HasTolerance() && m < start_.markers.size(); ++m) {
       const int first = layout_.Marker(static_cast<int>(m));
-      const BundleMarker& marker = start_.markers[m];
       add(first,
           Eigen::Matrix3d(Eigen::Matrix3d::Identity() / start_.marker_freedom.Sigma()),
-          Eigen::Vector3d(marker.position + x_.segment<3>(first) - marker.nominal));
+          Eigen::Vector3d(start_.markers[m].position + x_.segment<3>(first) -
+                          start_.Expected(static_cast<int>(m))));
     }
     for (size_t view = 0; view < start_.jitter.delta.size(); ++view) {
       const size_t frame = view / start_.cameras.size(), c = view % start_.cameras.size();

@@ -13,8 +13,9 @@ namespace {
 double SquaresOfMarkerPriors(const Bundle& bundle) {
   double squares = 0;
   if (!bundle.marker_freedom.HasTolerance()) return squares;
-  for (const BundleMarker& marker : bundle.markers) {
-    squares += (marker.position - marker.nominal).squaredNorm() / bundle.marker_freedom.Variance();
+  for (size_t m = 0; m < bundle.markers.size(); ++m) {
+    squares += (bundle.markers[m].position - bundle.Expected(static_cast<int>(m))).squaredNorm() /
+               bundle.marker_freedom.Variance();
   }
   return squares;
 }
@@ -126,7 +127,8 @@ class Elimination {
   void AddMarkerPriors() {
     const double information = 1 / bundle_.marker_freedom.Variance();
     for (size_t m = 0; m < bundle_.markers.size(); ++m) {
-      const Eigen::Vector3d moved = bundle_.markers[m].position - bundle_.markers[m].nominal;
+      const Eigen::Vector3d moved =
+          bundle_.markers[m].position - bundle_.Expected(static_cast<int>(m));
       const int first = layout_.Marker(static_cast<int>(m));
       equations_.S.diagonal().segment<3>(first).array() += information;
       equations_.S.row(layout_.total).segment<3>(first) += information * moved.transpose();

@@ -12,14 +12,16 @@ namespace plenocal::internal {
 /// Factor of the markers' part of the normal matrix that is left when poses are eliminated.
 class MarkerFactor {
  public:
-  /// Factors matrix + diag(damping) - minus minus', where of `matrix` the lower triangle counts,
-  /// and there the blocks of `block` x `block` on its diagonal: by the Woodbury identity, which is
-  /// cheaper where `minus` has fewer columns than rows. These are those of eliminated poses; where
-  /// they are more, the matrix is one block and `minus` has no columns. REQUIRES: n is a multiple
-  /// of `block`, and the blocks and the result are positive definite.
+  /// Factors matrix + diag(damping) + plus plus' - minus minus', where of `matrix` the lower
+  /// triangle counts, and there the blocks of `block` x `block` on its diagonal: by the Woodbury
+  /// identity, which is cheaper where `minus` has fewer columns than rows. These are those of
+  /// eliminated poses; where they are more, the matrix is one block and `minus` has no columns.
+  /// `plus`: few columns, those of measured distances. REQUIRES: n is a multiple of `block`, and
+  /// the blocks and the result are positive definite.
   void Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
                Eigen::Index block,
                const Eigen::VectorXd& damping,
+               const Eigen::MatrixXd& plus,
                const Eigen::MatrixXd& minus);
 
   /// R, of rows n or more, with R' R = right' matrix^-1 right.
@@ -28,10 +30,14 @@ class MarkerFactor {
   [[nodiscard]] Eigen::VectorXd Solve(const Eigen::VectorXd& root) const;
 
  private:
-  // C^-1 B: C C' the blocks.
+  // C^-1 B: C C' the blocks and plus plus'.
   void Whiten(Eigen::Ref<Eigen::MatrixXd> B) const;
+  // (1 + plus_ plus_')^-1/2 B, in place.
+  void TakePlus(Eigen::Ref<Eigen::MatrixXd> B) const;
 
-  std::vector<Eigen::LLT<Eigen::MatrixXd>> blocks_;  // C C'
+  std::vector<Eigen::LLT<Eigen::MatrixXd>> blocks_;  // B B'; C = B (1 + plus_ plus_')^1/2
+  Eigen::MatrixXd plus_;                             // B^-1 plus
+  Eigen::MatrixXd less_;                             // 1 - plus_ less_ plus_' is the inverse root
   Eigen::MatrixXd scaled_;                           // C^-1 minus
   Eigen::LLT<Eigen::MatrixXd> rest_;                 // of 1 - scaled_' scaled_
 };

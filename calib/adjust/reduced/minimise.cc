@@ -82,8 +82,10 @@ ReducedProblem::ReducedProblem(const RobustLoss& loss, Bundle* bundle)
 double ReducedProblem::Squares() const {
   if (!WithinDomain(bundle_, used_)) return std::numeric_limits<double>::infinity();
   double squares = SumOfSquares(bundle_, objective_);
-  for (const SparseRow& row : RowsOfPriors(bundle_, layout_))
-    squares += row.residual * row.residual;
+  for (const std::vector<SparseRow>& rows :
+       {RowsOfPriors(bundle_, layout_), RowsOfDistances(bundle_, layout_)}) {
+    for (const SparseRow& row : rows) squares += row.residual * row.residual;
+  }
   return squares;
 }
 
@@ -102,10 +104,22 @@ std::optional<ReducedProblem::Linearisation> ReducedProblem::Linearise() const {
   if (!at.equations.complete) return std::nullopt;
   const Eigen::Index head = layout_.head;
   at.squares = at.equations.squares;
+  const std::vector<SparseRow> distances = RowsOfDistances(bundle_, layout_);
+  AddInformation(distances, &at.equations.S, separate ? layout_.head : layout_.total);
+  Eigen::MatrixXd plus =
+      Eigen::MatrixXd::Zero(layout_.Markers(), separate ? std::ssize(distances) : 0);
+  for (size_t r = 0; r < distances.size(); ++r) {
+    const SparseRow& row = distances[r];
+    at.squares += row.residual * row.residual;
+    for (const auto& [index, J] : row.J) {
+      at.equations.S(layout_.total, index) += J * row.residual;
+      if (separate && index >= head) plus(index - head, static_cast<Eigen::Index>(r)) = J;
+    }
+  }
   at.matrix = at.equations.S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>();
   at.gradient = at.equations.S.row(layout_.total).head(head).transpose();
   at.diagonal = at.equations.diagonal.head(head);
-  if (layout_.Markers() > 0) EliminateMarkers(separate, &at);
+  if (layout_.Markers() > 0) EliminateMarkers(separate, plus, &at);
   const std::vector<SparseRow> priors = RowsOfPriors(bundle_, layout_);
   AddInformation(priors, &at.matrix);
   at.matrix = at.matrix.selfadjointView<Eigen::Lower>();
@@ -116,7 +130,9 @@ std::optional<ReducedProblem::Linearisation> ReducedProblem::Linearise() const {
   return at;
 }
 
-void ReducedProblem::EliminateMarkers(bool separate, Linearisation* at) const {
+void ReducedProblem::EliminateMarkers(bool separate,
+                                      const Eigen::MatrixXd& plus,
+                                      Linearisation* at) const {
   const Eigen::Index head = layout_.head, markers = layout_.Markers();
   const Eigen::MatrixXd& S = at->equations.S;
   const auto of_markers = S.block(head, head, markers, markers);
@@ -125,6 +141,7 @@ void ReducedProblem::EliminateMarkers(bool separate, Linearisation* at) const {
       of_markers,
       separate ? UnknownLayout::kOfMarker : markers,
       damping,
+      plus,
       separate ? at->equations.states.RowsOfColumns(head, markers) : Eigen::MatrixXd(markers, 0));
   Eigen::MatrixXd by_head(markers, head + 1);
   by_head << S.block(head, 0, markers, head),

@@ -48,7 +48,7 @@ class ReducedProblem {
   [[nodiscard]] const UnknownLayout& Layout() const { return layout_; }
 
  private:
-  void EliminateMarkers(bool separate, Linearisation* at) const;
+  void EliminateMarkers(bool separate, const Eigen::MatrixXd& plus, Linearisation* at) const;
 
   Bundle& bundle_;
   std::vector<bool> used_;  // per camera

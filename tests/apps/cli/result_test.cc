@@ -214,6 +214,29 @@ TEST_F(Results, SummaryNamesTheCommandForMoreImagesWhereTheyAreWanted) {
   EXPECT_THAT(outcome.out, HasSubstr("what to record next: plenocal suggest out\n"));
 }
 
+// A bar between two markers says that the print is 0.3 % larger than stated.
+TEST_F(Results, HaveTheSizeOfThePrintByAMeasuredDistance) {
+  const SyntheticProblem problem = EasyProblem(2);
+  const double length = 1.003 * (problem.markers.at(0) - problem.markers.at(69)).norm();
+  WriteProblem(problem);
+  Write("target.yaml", Read("target.yaml") + "scale_sigma: 0.005\n");
+  Write("session.yaml",
+        Replaced(Read("session.yaml"),
+                 "cameras:",
+                 fmt::format("distances: [{{between: [marker 0, marker 69], length: {:.9g}, sigma: "
+                             "{:.9g}}}]\ncameras:",
+                             length,
+                             1e-4 * length)));
+  const Outcome outcome = Calibrate("bar");
+  EXPECT_THAT(outcome.out, ::testing::HasSubstr("target.scale: 0.3"));
+  const YAML::Node scale = Result("bar")["target_scale"];
+  EXPECT_NEAR(scale["value"].as<double>(), 0.003, 3e-4);
+  EXPECT_NEAR(scale["sigma"].as<double>() / 1e-4, 1, 0.1);
+  EXPECT_THAT(Read("bar/correlations.csv"), ::testing::HasSubstr(",target.scale"));
+  // Whoever reads the calibration has it.
+  EXPECT_EQ(Run({"compare", "bar/calibration.yaml", "bar/calibration.yaml"}).status, kDone);
+}
+
 TEST_F(Results, SaysWhatWasKnownOfParametersBesideTheImages) {
   WriteProblem(EasyProblem(2));
   const YAML::Node free = [&] {

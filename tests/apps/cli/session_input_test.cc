@@ -23,6 +23,15 @@ Mistake AddedToCamera(std::string name, const std::string& line, std::vector<std
       std::move(name), "session.yaml", "options:", "    " + line + "\noptions:", std::move(parts)};
 }
 
+// A wrong entry of `distances`.
+Mistake AddedDistance(std::string name, const std::string& entry, std::vector<std::string> parts) {
+  return {std::move(name),
+          "session.yaml",
+          "cameras:",
+          "distances: [" + entry + "]\ncameras:",
+          std::move(parts)};
+}
+
 constexpr char kTags[] =
     "plenocal: 1\n"
     "type: apriltag\n"
@@ -152,6 +161,42 @@ INSTANTIATE_TEST_SUITE_P(
         AddedToCamera("SharedWithItself",
                       "shared: {f_x: cam0}",
                       {"session.yaml:8:", "shared.f_x", "another camera"}),
+        AddedDistance("DistanceOfNoMarker",
+                      "{between: [marker 0, marker 900], length: 0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "between[0]", "the target has no marker 900"}),
+        AddedDistance("DistanceOfATagOnABoard",
+                      "{between: [tag 0, tag 1], length: 0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "the target has no tag 0"}),
+        AddedDistance("DistanceOfOneMarker",
+                      "{between: [marker 0, marker 0], length: 0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "between[1]", "is the same point"}),
+        AddedDistance("DistanceOfLengthZero",
+                      "{between: [marker 0, marker 5], length: 0, sigma: 0.001}",
+                      {"session.yaml:3:", "distances[0].length"}),
+        AddedDistance("DistanceOfNegativeLength",
+                      "{between: [marker 0, marker 5], length: -0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "distances[0].length"}),
+        AddedDistance("DistanceBetweenOthers",
+                      "{between: [point 0, marker 5], length: 0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "'marker NUMBER'", "got 'point 0'"}),
+        AddedDistance("DistanceOfATargetByName",
+                      "{between: ['wall: marker 0', marker 5], length: 0.3, sigma: 0.001}",
+                      {"session.yaml:3:", "the only target needs no name"}),
+        Mistake{"ScaleSigmaOfWrongShape",
+                "target.yaml",
+                "type:",
+                "scale_sigma: [0.001]\ntype:",
+                {"target.yaml:", "scale_sigma", "[x, y]"}},
+        Mistake{"ScaleSigmaOfZero",
+                "target.yaml",
+                "type:",
+                "scale_sigma: 0\ntype:",
+                {"target.yaml:", "scale_sigma", "above 0 and below 1"}},
+        Mistake{"ScaleSigmaInPercent",
+                "target.yaml",
+                "type:",
+                "scale_sigma: [0.001, 1.5]\ntype:",
+                {"target.yaml:", "scale_sigma[1]", "above 0 and below 1"}},
         Mistake{"WrongType",
                 "session.yaml",
                 "[1280, 960]",

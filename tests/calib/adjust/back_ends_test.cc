@@ -104,6 +104,39 @@ void AddTarget(Bundle* bundle) {
   MoveTarget(1, pose, bundle);
 }
 
+// A print of another size along each axis, and distances between its markers, some of which share
+// an error.
+void AddScales(Bundle* bundle) {
+  for (const int axis : {0, 1}) {
+    bundle->scales.push_back({.axes = Eigen::Vector3d::Unit(axis), .sigma = 0.002 + 0.001 * axis});
+  }
+  const auto add = [&](std::vector<int> a, std::vector<int> b, double deviation, double common) {
+    MarkerDistance distance{.markers_a = std::move(a), .markers_b = std::move(b)};
+    const auto& [from, to] = std::pair(bundle->markers[static_cast<size_t>(distance.markers_a[0])],
+                                       bundle->markers[static_cast<size_t>(distance.markers_b[0])]);
+    distance.length = (from.nominal - to.nominal).norm() + deviation;
+    distance.sigma = 0.0001;
+    distance.common_sigma = common;
+    bundle->distances.push_back(distance);
+  };
+  add({0}, {9}, 0.001, 0.0002);
+  add({0}, {60}, -0.0005, 0.0002);
+  add({5, 6, 7}, {65}, 0.001, 0);
+}
+
+// The second target is of another size, and distances lead to it.
+void AddScaleOfTarget(Bundle* bundle) {
+  AddTarget(bundle);
+  bundle->scales.push_back({.target = 1, .sigma = 0.01});
+  for (const auto& [a, b] : {std::pair(0, 9), std::pair(2, 60)}) {
+    const double length = (bundle->markers[static_cast<size_t>(a)].nominal -
+                           bundle->markers[static_cast<size_t>(b)].nominal)
+                              .norm();
+    bundle->distances.push_back(
+        {.markers_a = {a}, .markers_b = {b}, .length = length + 0.001, .sigma = 0.0002});
+  }
+}
+
 // Every marker is measured twice in a view, with an error that both measurements share.
 void AddCommonNoise(Bundle* bundle) {
   std::vector<BundleObservation> twice;
@@ -194,6 +227,14 @@ const std::vector<Case>& Cases() {
          AddJitter(bundle);
        }},
       {"Targets", AddTarget},
+      {"Scales", AddScales},
+      {"ScalesOfHeldMarkers",
+       [](Bundle* bundle) {
+         AddScales(bundle);
+         bundle->marker_freedom = MarkerFreedom::Held();
+       }},
+      {"ManyFramesWithScales", AddScales, 50},
+      {"ScaleOfTarget", AddScaleOfTarget},
       {"SharedErrors", AddSharedErrors},
       {"ParamPriors", AddParamPriors},
       {"Tied", Tie},
@@ -218,10 +259,8 @@ struct WholeInformation {
         H(Eigen::MatrixXd::Zero(J_of_row.size(), J_of_row.size())) {
     internal::RowWalk(of, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
         .Visit(*this);
-    for (const internal::SparseRow& row : internal::RowsOfParamPriors(of, layout)) AddPrior(row);
-    for (const internal::SparseRow& row : internal::RowsOfCalibrationPrior(of, layout)) {
-      AddPrior(row);
-    }
+    for (const internal::SparseRow& row : internal::RowsOfPriors(of, layout)) AddPrior(row);
+    for (const internal::SparseRow& row : internal::RowsOfDistances(of, layout)) AddPrior(row);
     const Eigen::Index markers = layout.Markers();
     if (markers > 0) {
       H.diagonal().segment(layout.head, markers).array() += 1 / of.marker_freedom.Variance();
@@ -244,6 +283,10 @@ struct WholeInformation {
             internal::PointByTargetPose(
                 bundle.targets[*target].T_target_own,
                 bundle.markers[static_cast<size_t>(rows.Marker())].position);
+      }
+      for (size_t k = 0; layout.scales >= 0 && k < bundle.scales.size(); ++k) {
+        J_of_row[layout.scales + static_cast<Eigen::Index>(k)] =
+            rows.Position().row(r) * bundle.ByScale(bundle.scales[k], rows.Marker());
       }
       if (layout.markers) {
         J_of_row.segment<3>(layout.Marker(rows.Marker())) = rows.Position().row(r);
@@ -344,6 +387,9 @@ TEST_P(BackEnds, HaveOneOptimum) {
             << c << " " << k;
       }
       EXPECT_LT(LocalCoordinates(found.T_camera_rig, expected.T_camera_rig).norm(), kRelative);
+    }
+    for (size_t k = 0; k < reduced.scales.size(); ++k) {
+      EXPECT_NEAR(reduced.scales[k].value, whole.scales[k].value, kRelative) << k;
     }
     for (size_t f = 0; f < reduced.T_rig_target.size(); ++f) {
       for (size_t c = 0; c < 2; ++c) {

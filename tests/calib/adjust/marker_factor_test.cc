@@ -14,9 +14,9 @@ Eigen::MatrixXd Drawn(Eigen::Index rows, Eigen::Index columns, testing::Random* 
   return Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return random->Uniform(-1, 1); });
 }
 
-// Blocks of a marker's position, and of it beside three numbers of a camera; columns that are taken
-// away (poses).
-TEST(MarkerFactor, SolvesBlocksWithoutColumns) {
+// Blocks of a marker's position, and of it beside three numbers of a camera; columns that are added
+// (distances) and taken away (poses).
+TEST(MarkerFactor, SolvesBlocksWithAndWithoutColumns) {
   for (const Eigen::Index block : {3, 6}) {
     testing::Random random(7);
     const Eigen::Index size = 4 * block;
@@ -30,10 +30,11 @@ TEST(MarkerFactor, SolvesBlocksWithoutColumns) {
     const Eigen::MatrixXd minus = 0.3 * Drawn(size, 5, &random);
     const Eigen::MatrixXd right = Drawn(size, 3, &random);
     const Eigen::Vector3d x(1, -2, 0.5);
-    Eigen::MatrixXd whole = blocks - minus * minus.transpose();
+    const Eigen::MatrixXd plus = 10 * Drawn(size, 2, &random);
+    Eigen::MatrixXd whole = blocks + plus * plus.transpose() - minus * minus.transpose();
     whole.diagonal() += damping;
     MarkerFactor factor;
-    factor.Compute(blocks, block, damping, minus);
+    factor.Compute(blocks, block, damping, plus, minus);
     const Eigen::MatrixXd root = factor.Root(right);
     const Eigen::MatrixXd expected = whole.inverse() * right;
     EXPECT_LT((root.transpose() * root - right.transpose() * expected).norm(), 1e-12);

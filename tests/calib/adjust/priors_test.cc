@@ -30,7 +30,7 @@ int First(int marker) { return marker == 3 || marker == 6 ? -1 : 10 + 3 * marker
 
 TEST(RowsOfDistances, AreTheDistancesOfMeansInStandardErrors) {
   const BundleState bundle = Landmarks();
-  const std::vector<SparseRow> rows = RowsOfDistances(bundle, First);
+  const std::vector<SparseRow> rows = RowsOfDistances(bundle, {}, First, bundle);
   ASSERT_EQ(rows.size(), 3U);
   const auto p = [&](size_t marker) { return bundle.markers[marker].position; };
   EXPECT_NEAR(rows[0].residual, (((p(2) + p(4) + p(7)) / 3 - p(5)).norm() - 0.7) / 0.01, 1e-9);
@@ -44,15 +44,15 @@ TEST(RowsOfDistances, AreTheDistancesOfMeansInStandardErrors) {
 
 TEST(RowsOfDistances, HaveTheDerivativesOfTheirResiduals) {
   BundleState bundle = Landmarks();
-  const std::vector<SparseRow> rows = RowsOfDistances(bundle, First);
+  const std::vector<SparseRow> rows = RowsOfDistances(bundle, {}, First, bundle);
   constexpr double kStep = 1e-6;
   for (int i = 0; i < 24; ++i) {
     const auto marker = static_cast<size_t>(i / 3);
     double& value = bundle.markers[marker].position[i % 3];
     value += kStep;
-    const std::vector<SparseRow> above = RowsOfDistances(bundle, First);
+    const std::vector<SparseRow> above = RowsOfDistances(bundle, {}, First, bundle);
     value -= 2 * kStep;
-    const std::vector<SparseRow> below = RowsOfDistances(bundle, First);
+    const std::vector<SparseRow> below = RowsOfDistances(bundle, {}, First, bundle);
     value += kStep;
     for (size_t r = 0; r < rows.size(); ++r) {
       double expected = 0;
@@ -68,7 +68,7 @@ TEST(RowsOfDistances, HaveTheDerivativesOfTheirResiduals) {
 TEST(RowsOfDistances, RefuseEndsAtOnePlace) {
   BundleState bundle = Landmarks();
   bundle.markers[7].position = bundle.markers[4].position;
-  const std::vector<SparseRow> rows = RowsOfDistances(bundle, First);
+  const std::vector<SparseRow> rows = RowsOfDistances(bundle, {}, First, bundle);
   ASSERT_EQ(rows.size(), 3U);
   EXPECT_FALSE(std::isfinite(rows[2].residual));
 }

@@ -113,6 +113,7 @@ CalibrationRecord Record() {
   record.jitter = {.translation_sigma = 0.001, .rotation_sigma = 0.002, .misplaced = 1};
   record.correlations = {{"left.f_x", "left.f_y"}, Eigen::MatrixXd::Identity(2, 2)};
   record.correlations.matrix(0, 1) = record.correlations.matrix(1, 0) = 0.97;
+  record.target_scales = {{"wall.scale_x", {0.001, 0.0005}}, {"wall.scale_y", {-0.002, 0.0005}}};
   record.undetermined = {{{{"left.A_2", 1}, {"left.f_x", -0.5}}, kInfinite}};
   record.weak = {
       {.open = true, .names = {"left.A_2"}, .what = "not \"seen\"", .remedy = "Do: that."},
@@ -210,6 +211,10 @@ TEST_F(RecordFiles, KeepUncertainties) {
     EXPECT_EQ(b.sigma_jackknife, a.sigma_jackknife);
     EXPECT_EQ(b.sigma_xi_jackknife, a.sigma_xi_jackknife);
   }
+  EXPECT_EQ(again.target_scales, record.target_scales);
+  CalibrationRecord one = record;
+  one.target_scales = {{"target.scale", {0.003, 0.0001}}};
+  EXPECT_EQ(Again(one).target_scales, one.target_scales);
   EXPECT_TRUE(std::isinf(again.cameras[0].Sigma(6)));
   EXPECT_EQ(again.cameras[0].Sigma(2), 0);
 }
