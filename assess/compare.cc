@@ -147,13 +147,6 @@ Eigen::MatrixXd MotionFor(const System& system,
                        Eigen::MatrixXd(weights.asDiagonal() * differences));
 }
 
-// P(X > x) of a sum of squares with weights lambda whose sum and sum of squares are given: X is
-// taken for a multiple of chi-square of fitting degrees of freedom (Satterthwaite).
-double TailOfWeightedSquares(double x, double sum, double sum_of_squares) {
-  const double degrees = sum * sum / sum_of_squares;
-  return ChiSquareTail(degrees, degrees * x / sum);
-}
-
 ImageDifference Judge(const System& system,
                       const Eigen::MatrixXd& M,
                       const std::vector<size_t>& groups,

@@ -3,10 +3,12 @@
 // Two calibrations of the same cameras, camera by camera.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "assess/compare.h"
+#include "assess/space/compare_in_space.h"
 
 namespace plenocal {
 
@@ -18,6 +20,7 @@ struct CalibrationComparison {
   std::vector<ExtrinsicsDifference> extrinsics;  ///< of all cameras but the first
   bool has_correlations = true;                  ///< between cameras, of both
   std::vector<std::string> only_a, only_b;       ///< names of cameras without a counterpart
+  std::optional<SpaceComparison> space = {};     ///< not set: it was not asked for
 };
 
 /// Compares the cameras of equal names; single cameras whatever they are called. `distances` of the

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/compare_files.h"
 
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
 #include "calib/base/names.h"
 #include "calib/io/input_file.h"
+#include "engine/rigs/predict_accuracy.h"
 #include "engine/session/calibration_folder.h"
 
 namespace plenocal {
@@ -14,7 +19,16 @@ CalibrationComparison CompareFiles(const std::filesystem::path& a,
   const CalibrationRecord of_a = OpenWithCorrelations(a);
   CalibrationRecord of_b = OpenWithCorrelations(b);
   RenameCameras(by.map, NamesOf(of_a.cameras), &of_b);
-  return CompareCalibrations(of_a, of_b, by.distances);
+  CalibrationComparison comparison = CompareCalibrations(of_a, of_b, by.distances);
+  if (!by.in_space) return comparison;
+  std::vector<double> finite;
+  std::ranges::copy_if(by.distances, std::back_inserter(finite), [](double distance) {
+    return std::isfinite(distance);
+  });
+  if (finite.empty()) finite = {1};
+  comparison.space =
+      CompareInSpace(of_a, of_b, ReadVisibility(a.parent_path(), of_a), finite, by.bar);
+  return comparison;
 }
 
 }  // namespace plenocal

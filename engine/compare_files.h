@@ -16,6 +16,8 @@ struct ComparedBy {
   /// As `RenameCameras`: cameras of the one and their counterparts in the other calibration.
   std::vector<std::string> map;
   std::vector<double> distances;  ///< of the scene, m; empty: 1 m and infinity
+  bool in_space = false;          ///< also in space, at the finite ones of these distances
+  double bar = 0.1;               ///< length that is compared there, m
 };
 
 /// Of two calibration.yaml. Throws `Error` of kind kInput for files that cannot be read or

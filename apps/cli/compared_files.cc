@@ -14,7 +14,7 @@ ComparedFiles CompareFilesOfAnyKind(const std::filesystem::path& first,
                                     const ComparedBy& by,
                                     bool files) {
   const std::string a = first.string(), b = second.string();
-  const bool for_calibrations = !by.map.empty() || !by.distances.empty();
+  const bool for_calibrations = !by.map.empty() || !by.distances.empty() || by.in_space;
   if (IsAttenuation(a)) {
     if (!IsAttenuation(b) || for_calibrations) {
       throw InputError(
@@ -36,10 +36,14 @@ ComparedFiles CompareFilesOfAnyKind(const std::filesystem::path& first,
   }
   const CalibrationComparison comparison = CompareFiles(a, b, by);
   ComparedFiles shown{ComparisonText(comparison, a, b), {}};
+  if (comparison.space) shown.text += "\n" + SpaceText(*comparison.space);
   if (!files) return shown;
   shown.text += "\n";
   shown.files = {{"compare.csv", ComparisonCsv(comparison)},
                  {"difference.png", DifferencePicture(comparison)}};
+  if (comparison.space) {
+    shown.files.emplace_back("compare_space.csv", SpaceCsv(*comparison.space));
+  }
   return shown;
 }
 

@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "assess/views/place_in_image.h"
+#include "assess/space/points_before_image.h"
 #include "calib/base/format_error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
@@ -48,14 +48,17 @@ class Predictor {
             const std::vector<std::string>& names,
             const std::vector<MicroLensVisibility>& lenses,
             const AccuracyOptions& options)
-      : calibration_(calibration), options_(options), rig_(MakeSpaceRig(calibration, names)) {
+      : calibration_(calibration),
+        options_(options),
+        rig_(MakeSpaceRig(calibration, names)),
+        points_(calibration, names, rig_, lenses) {
     made_.cameras = names;
     made_.bar = options.bar;
     made_.image_size = rig_.cameras[0].image_size;
     made_.grid = ImageGrid(made_.image_size, options.cells);
     made_.has_depth = names.size() > 1 || rig_.cameras[0].model->plenoptic;
     made_.open = rig_.open;
-    for (size_t c = 0; c < names.size(); ++c) AddCamera(names[c], c, lenses);
+    for (size_t c = 0; c < names.size(); ++c) AddNoise(names[c], c);
     if (rig_.unknowns.empty()) {
       throw InputError(
           "{}: has no standard errors (correlations.csv beside calibration.yaml), so that nothing "
@@ -78,19 +81,7 @@ class Predictor {
   }
 
  private:
-  void AddCamera(const std::string& name,
-                 size_t c,
-                 const std::vector<MicroLensVisibility>& lenses) {
-    const CalibratedCamera& camera = FindCamera(calibration_, name);
-    const auto index = static_cast<size_t>(&camera - calibration_.cameras.data());
-    lenses_.push_back(index < lenses.size() ? lenses[index] : MicroLensVisibility());
-    if (camera.model->plenoptic && !lenses_.back().HasLenses()) {
-      throw InputError("{}: the micro images of camera '{}' are not known ({})",
-                       calibration_.path.string(),
-                       name,
-                       camera.micro_lenses.empty() ? "no file is named"
-                                                   : camera.micro_lenses + " is not beside it");
-    }
+  void AddNoise(const std::string& name, size_t c) {
     const auto stated = options_.noise.find(name);
     made_.noise.push_back(stated != options_.noise.end()
                               ? stated->second
@@ -152,32 +143,9 @@ class Predictor {
     return distances;
   }
 
-  // What all cameras see of a point of the first camera's frame; empty when one does not.
-  [[nodiscard]] Seen SeenOf(const Eigen::Vector3d& X) const {
-    constexpr size_t kAll = std::numeric_limits<size_t>::max(), kFewest = 2;
-    Seen seen;
-    for (size_t c = 0; c < rig_.cameras.size(); ++c) {
-      const BundleCamera& camera = rig_.cameras[c];
-      const Eigen::Vector3d p = camera.T_camera_rig * X;
-      SpaceObservation one{.camera = c, .sigma = made_.noise[c]};
-      if (!camera.model->plenoptic) {
-        const auto u = PlaceInImage(camera, p, 0);
-        if (!u || (camera.image_circle && !camera.image_circle->Has(*u))) return {};
-        seen.push_back(one);
-        continue;
-      }
-      const MicroLensVisibility::Seen shown = lenses_[c].LensesShowing(camera, p, kAll);
-      if (shown.all < kFewest) return {};
-      for (const Eigen::Vector2d& lens : shown.centres) {
-        one.values = {lens.x(), lens.y(), lens.x(), lens.y()};
-        seen.push_back(one);
-      }
-    }
-    return seen;
-  }
-
   [[nodiscard]] std::optional<PointError> ErrorOf(const Eigen::Vector3d& X) const {
-    const Seen seen = SeenOf(X);
+    Seen seen = points_.Seen(X);
+    for (SpaceObservation& each : seen) each.sigma = made_.noise[each.camera];
     if (seen.empty()) return std::nullopt;
     return ErrorAt(rig_, seen, X, options_.frame, !made_.has_depth);
   }
@@ -202,25 +170,6 @@ class Predictor {
     }
     budget.jitter = calibration_.jitter->translation_sigma * std::sqrt(square);
     return budget;
-  }
-
-  // The point at a distance before a place of the first image.
-  [[nodiscard]] std::optional<Eigen::Vector3d> PointBefore(const Eigen::Vector2d& u_px,
-                                                           double distance) const {
-    const BundleCamera& camera = rig_.cameras[0];
-    if (camera.image_circle && !camera.image_circle->Has(u_px)) return std::nullopt;
-    std::array<double, kMaxObservationSize> values{u_px.x(), u_px.y()};
-    if (camera.model->plenoptic) {
-      // Places beside the middle of micro images, as points have them: fewer show one at a middle.
-      const Eigen::Vector2d lens = lenses_[0].Nearest(u_px);
-      values = {u_px.x(), u_px.y(), lens.x(), lens.y()};
-    }
-    const std::optional<Ray> ray = Unproject(camera, values.data());
-    constexpr double kFlattest = 1e-3;  // rays that do not cross the plane
-    if (!ray || !(ray->direction.z() > kFlattest)) return std::nullopt;
-    const double along = (distance - ray->origin.z()) / ray->direction.z();
-    if (!(along > 0)) return std::nullopt;
-    return ray->origin + along * ray->direction;
   }
 
   [[nodiscard]] std::optional<AccuracyCell> CellAt(const Eigen::Vector3d& X) const {
@@ -264,7 +213,7 @@ class Predictor {
     at.distance = distance;
     if (farthest_ > 0) at.seen_at = distance / farthest_;
     for (size_t k = 0; k < grid.Cells(); ++k) {
-      const std::optional<Eigen::Vector3d> X = PointBefore(grid.Middle(k), distance);
+      const std::optional<Eigen::Vector3d> X = points_.At(grid.Middle(k), distance);
       std::optional<AccuracyCell> cell = X ? CellAt(*X) : std::nullopt;
       if (!cell) continue;
       cell->cell = k;
@@ -441,7 +390,7 @@ class Predictor {
   const CalibrationRecord& calibration_;
   const AccuracyOptions& options_;
   SpaceRig rig_;
-  std::vector<MicroLensVisibility> lenses_;  // by camera of the rig
+  PointsBeforeImage points_;
   double nearest_ = std::numeric_limits<double>::infinity(), farthest_ = 0;
   Eigen::MatrixXd C_;
   std::vector<Eigen::MatrixXd> C_if_known_;

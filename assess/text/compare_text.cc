@@ -10,6 +10,7 @@
 #include <functional>
 #include <numbers>
 
+#include "assess/space/accuracy.h"
 #include "assess/verdict.h"
 #include "calib/base/number_text.h"
 #include "calib/base/quoted_text.h"
@@ -189,6 +190,46 @@ std::string ComparisonCsv(const CalibrationComparison& comparison) {
                       difference.points,
                       difference.differs ? 1 : 0);
     });
+  }
+  return text;
+}
+
+std::string SpaceText(const SpaceComparison& comparison) {
+  std::string text =
+      "in space, less the motion of all points together; a scale that both have from one target "
+      "is not seen\n";
+  for (const SpaceDifference& each : comparison.differences) {
+    const std::string what = each.quantity == "bar"
+                                 ? fmt::format("length of {:.4g} mm", 1e3 * comparison.bar)
+                                 : (each.quantity == "z" ? "z" : "x, y");
+    text += fmt::format("  {} at {:.3g} m: {} {:.2g} mm RMS, at most {:.2g}",
+                        CamerasText(each.cameras),
+                        each.distance,
+                        what,
+                        1e3 * each.rms,
+                        1e3 * each.largest);
+    if (comparison.has_prediction) {
+      text += fmt::format(
+          "; predicted {:.2g}{}", 1e3 * each.predicted, each.differs ? ", so it differs" : "");
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string SpaceCsv(const SpaceComparison& comparison) {
+  std::string text = "cameras,distance,quantity,points,rms,largest,predicted,probability,differs\n";
+  for (const SpaceDifference& each : comparison.differences) {
+    text += fmt::format("{},{:g},{},{},{:.6g},{:.6g},{},{},{:d}\n",
+                        CsvCell(fmt::format("{}", fmt::join(each.cameras, "+"))),
+                        each.distance,
+                        each.quantity,
+                        each.points,
+                        each.rms,
+                        each.largest,
+                        comparison.has_prediction ? fmt::format("{:.6g}", each.predicted) : "",
+                        comparison.has_prediction ? fmt::format("{:.3g}", each.probability) : "",
+                        each.differs);
   }
   return text;
 }

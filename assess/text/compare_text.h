@@ -18,6 +18,10 @@ std::string ComparisonText(const CalibrationComparison& comparison,
 /// Content of compare.csv.
 std::string ComparisonCsv(const CalibrationComparison& comparison);
 
+/// For the terminal, and content of compare_space.csv.
+std::string SpaceText(const SpaceComparison& comparison);
+std::string SpaceCsv(const SpaceComparison& comparison);
+
 /// "0.5 m", "far away".
 std::string DistanceText(double distance);
 

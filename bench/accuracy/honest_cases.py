@@ -102,6 +102,7 @@ OTHERS = [
     ("points.csv of triangulate", ["sigma_rho", "cov_x_x", "cov_z_z", "noise_x_x", "noise_z_z", "sigma_z_noise", "sigma_z_calibration"], "by `bench/space` and `tests/calib/space/point_fit_test.cc`"),
     ("shared.csv", ["c_1"], "the same"),
     ("measures.csv", ["sigma", "sigma_noise", "sigma_calibration"], "the same"),
+    ("compare_space.csv", ["predicted"], "an RMS; by `tests/assess/space/compare_in_space_test.cc`"),
     ("accuracy.csv", ["sigma_z", "sigma_z_noise", "sigma_z_calibration", "sigma_lateral", "sigma_lateral_noise", "sigma_lateral_calibration", "sigma_bar_across", "sigma_bar_along"], "predictions of these; by `tests/assess/space/accuracy_test.cc`"),
     ("`adjustment`", ["rejection_sigmas"], "a threshold"),
     ("`adjustment`", ["marker_sigma"], "the prior as it was given"),

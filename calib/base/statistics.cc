@@ -44,4 +44,9 @@ double FTail(double x, double m, double n) {
 }
 double StudentTail(double x, double n) { return cdf(complement(StudentDistribution(n), x)); }
 
+double TailOfWeightedSquares(double x, double sum, double sum_of_squares) {
+  const double degrees = sum * sum / sum_of_squares;
+  return ChiSquareTail(degrees, degrees * x / sum);
+}
+
 }  // namespace plenocal

@@ -37,4 +37,8 @@ double FTail(double x, double m, double n);
 /// P(t > x) of Student's t with n degrees of freedom.
 double StudentTail(double x, double n);
 
+/// P(X > x) of a sum of squares with weights whose sum and sum of squares are given: X is taken for
+/// a multiple of chi-square of fitting degrees of freedom (Satterthwaite 1946).
+double TailOfWeightedSquares(double x, double sum, double sum_of_squares);
+
 }  // namespace plenocal

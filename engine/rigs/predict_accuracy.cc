@@ -69,13 +69,8 @@ std::string AccuracyCsv(const std::vector<RigAccuracy>& accuracies) {
 
 }  // namespace
 
-std::vector<RigAccuracy> PredictAccuracy(const AccuracyRequest& request, const Run& run) {
-  const RunScope inputs;
-  const bool is_folder = fs::is_directory(request.calibration);
-  const CalibrationRecord calibration = is_folder ? OpenCalibrationFolder(request.calibration)
-                                                  : OpenWithCorrelations(request.calibration);
-  Check(request, calibration);
-  const fs::path folder = is_folder ? request.calibration : request.calibration.parent_path();
+std::vector<MicroLensVisibility> ReadVisibility(const fs::path& folder,
+                                                const CalibrationRecord& calibration) {
   std::vector<MicroLensVisibility> lenses;
   for (const CalibratedCamera& camera : calibration.cameras) {
     MicroLensVisibility& of_camera = lenses.emplace_back();
@@ -83,6 +78,17 @@ std::vector<RigAccuracy> PredictAccuracy(const AccuracyRequest& request, const R
     if (camera.micro_lenses.empty() || !fs::exists(file)) continue;
     of_camera = MicroLensVisibility(ReadMicroLenses(file, camera.image_size));
   }
+  return lenses;
+}
+
+std::vector<RigAccuracy> PredictAccuracy(const AccuracyRequest& request, const Run& run) {
+  const RunScope inputs;
+  const bool is_folder = fs::is_directory(request.calibration);
+  const CalibrationRecord calibration = is_folder ? OpenCalibrationFolder(request.calibration)
+                                                  : OpenWithCorrelations(request.calibration);
+  Check(request, calibration);
+  const fs::path folder = is_folder ? request.calibration : request.calibration.parent_path();
+  const std::vector<MicroLensVisibility> lenses = ReadVisibility(folder, calibration);
   if (!request.sets.empty()) {
     std::vector<RigAccuracy> accuracies;
     for (const auto& set : request.sets) {

@@ -18,6 +18,10 @@ struct AccuracyRequest : AccuracyOptions {
   std::vector<std::vector<std::string>> sets;  ///< names of cameras; empty: `CameraSets`
 };
 
+/// Micro images of each camera by the files beside calibration.yaml; none of ordinary ones.
+std::vector<MicroLensVisibility> ReadVisibility(const std::filesystem::path& folder,
+                                                const CalibrationRecord& calibration);
+
 /// Throws `Error` of kind kInput as `PredictAccuracy`, and for a request that does not fit. Sets
 /// that were not asked for and cannot be computed are left out with a message.
 std::vector<RigAccuracy> PredictAccuracy(const AccuracyRequest& request, const Run& run);

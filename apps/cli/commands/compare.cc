@@ -46,6 +46,10 @@ void RunCompare(const CompareArguments& arguments, Console* console) {
     throw InputError(
         "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
   }
+  if (is_check && arguments.in_space) {
+    throw InputError(
+        "--space compares two calibrations: calibrate the new images, then compare both");
+  }
   if (is_check) return CheckWithNewImages(arguments, console);
   if (arguments.json) {
     throw InputError("--json goes with --check; of two calibrations -o OUT writes compare.csv");
@@ -63,7 +67,7 @@ void RunCompare(const CompareArguments& arguments, Console* console) {
 constexpr const char* kCompareHelp =
     "How far two calibrations differ in the image, beside the difference that their sigmas predict.\n"
     "\n"
-    "  plenocal compare A/calibration.yaml B/calibration.yaml\n"
+    "  plenocal compare A/calibration.yaml B/calibration.yaml --space --distance 0.5 2\n"
     "  plenocal compare A/calibration.yaml --check session.yaml\n"
     "  plenocal compare A/calibration.yaml --check 'new/*.jpg' --target chessboard:9x6:25mm\n"
     "  plenocal compare A/vignetting_left.tiff B/vignetting_left.tiff\n"
@@ -87,7 +91,7 @@ void DeclareCompare(CLI::App* app, CompareArguments* arguments, ConsoleOptions* 
   app->add_option(
       "-o,--out",
       arguments->out,
-      "folder for difference.png and compare.csv; of attenuations vignetting_compare.csv and a page, of ground truths groundtruth_compare.csv");
+      "folder for difference.png, compare.csv and compare_space.csv; of attenuations vignetting_compare.csv and a page, of ground truths groundtruth_compare.csv");
   app->add_option(
          "--map",
          arguments->map,
@@ -103,6 +107,13 @@ void DeclareCompare(CLI::App* app, CompareArguments* arguments, ConsoleOptions* 
         const bool fits = std::strtod(text.c_str(), nullptr) > 0;
         return fits ? "" : "expected a positive number of metres, or inf, found " + text;
       });
+  app->add_flag(
+      "--space",
+      arguments->in_space,
+      "of two calibrations: also the difference of points and lengths in space, at the finite ones of these distances");
+  app->add_option("--bar", arguments->bar, "with --space: length that is compared, m")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   AddQuiet(app, shared);
 }
 

@@ -96,6 +96,30 @@ TEST_F(AccuracyCommand, PredictsWhatTriangulateStates) {
   EXPECT_THAT(Read("accuracy/accuracy.html"), HasSubstr("left + right at 0.7 m: z "));
 }
 
+TEST_F(AccuracyCommand, TwoCalibrationsAreComparedInSpace) {
+  const std::vector<std::string> both{
+      "compare", "result/calibration.yaml", "set/truth/calibration.yaml", "--space"};
+  std::vector<std::string> words = both;
+  words.insert(words.end(), {"--distance", "0.7", "2", "-o", "compared"});
+  const Outcome outcome = Run(words);
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("left + right at 2 m: z "));
+  EXPECT_THAT(outcome.out, HasSubstr("; predicted "));
+  const Table rows(Read("compared/compare_space.csv"));
+  ASSERT_EQ(rows.Rows(), 6U);
+  // The calibration is as far from the truth as its standard errors say.
+  const std::vector<double> rms = rows.Numbers("rms"), predicted = rows.Numbers("predicted"),
+                            differs = rows.Numbers("differs");
+  for (size_t i = 0; i < rms.size(); ++i) {
+    EXPECT_LT(rms[i], 3 * predicted[i]);
+    EXPECT_EQ(differs[i], 0);
+  }
+  const Outcome check =
+      Run({"compare", "result/calibration.yaml", "--check", "set/session.yaml", "--space"});
+  EXPECT_EQ(check.status, kWrongInput);
+  EXPECT_THAT(check.err, HasSubstr("calibrate the new images"));
+}
+
 TEST_F(AccuracyCommand, NamesWhatDoesNotFit) {
   ExpectRefused({"result", "--pair", "left,up"}, "up");
   ExpectRefused({"result", "--pair", "left,left"}, "twice");
