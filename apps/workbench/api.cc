@@ -659,6 +659,7 @@ Answer Api::Run(const Request& request) {
   }
   if (part == "straight") return Straight(request);
   if (part == "space") return JsonAnswer(SpaceJson(folder));
+  if (part == "accuracy") return JsonAnswer(AccuracyJson(folder));
   if (part == "maps") return JsonAnswer(MapsJson(folder, camera));
   if (part == "report.html") {
     return {.type = "application/octet-stream",

@@ -14,7 +14,9 @@
 #include "calib/base/error.h"
 #include "calib/camera/micro_lens_array.h"
 #include "calib/files/exclusion.h"
+#include "engine/json/accuracy_json.h"
 #include "engine/json/calibration_json.h"
+#include "engine/rigs/predict_accuracy.h"
 #include "engine/session/calibration_folder.h"
 #include "engine/suggest/read_rig_estimate.h"
 
@@ -179,6 +181,11 @@ Json PreviewJson(const fs::path& folder, const Session& session, const ImagesOf&
 }
 
 Json SpaceJson(const fs::path& folder) { return plenocal::SpaceJson(*RecordOf(folder)); }
+
+Json AccuracyJson(const fs::path& folder) {
+  const auto record = RecordOf(folder);
+  return plenocal::AccuracyJson(AccuracyInBrief(*record, ReadVisibility(folder, *record)));
+}
 
 Json DifferenceJson(const CalibrationComparison& comparison) {
   Json maps = Json::array();

@@ -54,6 +54,8 @@ nlohmann::json PreviewJson(const std::filesystem::path& folder,
 
 /// `Space` of the schema.
 nlohmann::json SpaceJson(const std::filesystem::path& folder);
+/// `Accuracy`s of the schema, as the report has them.
+nlohmann::json AccuracyJson(const std::filesystem::path& folder);
 
 /// `Difference`s of the schema, by camera and distance.
 nlohmann::json DifferenceJson(const CalibrationComparison& comparison);

@@ -42,6 +42,10 @@ double TwoDigits(double value) {
   return std::round(value / unit) * unit;
 }
 
+struct ErringPoint : PointError {
+  Eigen::Vector3d X;
+};
+
 class Predictor {
  public:
   Predictor(const CalibrationRecord& calibration,
@@ -94,8 +98,10 @@ class Predictor {
   }
 
   void SetCovariances() {
-    const Eigen::MatrixXd C = rig_.root * rig_.root.transpose();
-    C_ = C;
+    C_ = rig_.root * rig_.root.transpose();
+    for (const auto& [name, scale] : calibration_.target_scales) {
+      scale_sigma_ = std::max(scale_sigma_, scale.sigma);
+    }
     std::vector<Eigen::Index> intrinsics, extrinsics;
     std::vector<std::vector<Eigen::Index>> of_camera(rig_.cameras.size());
     for (size_t i = 0; i < rig_.unknowns.size(); ++i) {
@@ -143,23 +149,31 @@ class Predictor {
     return distances;
   }
 
-  [[nodiscard]] std::optional<PointError> ErrorOf(const Eigen::Vector3d& X) const {
+  [[nodiscard]] std::optional<ErringPoint> ErrorOf(const Eigen::Vector3d& X) const {
     Seen seen = points_.Seen(X);
     for (SpaceObservation& each : seen) each.sigma = made_.noise[each.camera];
     if (seen.empty()) return std::nullopt;
-    return ErrorAt(rig_, seen, X, options_.frame, !made_.has_depth);
+    std::optional<PointError> error = ErrorAt(rig_, seen, X, options_.frame, !made_.has_depth);
+    if (!error) return std::nullopt;
+    return ErringPoint{std::move(*error), X};
   }
 
   // Of the number whose derivatives by points are `by`.
   [[nodiscard]] ErrorBudget BudgetOf(
-      const std::vector<std::pair<const PointError*, Eigen::RowVector3d>>& by) const {
+      const std::vector<std::pair<const ErringPoint*, Eigen::RowVector3d>>& by) const {
     double noise = 0;
+    double by_scale = 0;
     Row by_theta = Row::Zero(rig_.Size());
     for (const auto& [point, row] : by) {
+      by_scale += row.dot(point->X);
       noise += row.dot(row * point->noise);
       by_theta += row * point->by_theta;
     }
-    ErrorBudget budget{.noise = std::sqrt(noise), .calibration = std::sqrt(Square(by_theta, C_))};
+    const double all = Square(by_theta, C_);
+    ErrorBudget budget{.noise = std::sqrt(noise)};
+    // An error of the target's size scales all of space.
+    budget.scale = std::min(scale_sigma_ * std::abs(by_scale), std::sqrt(all));
+    budget.calibration = std::sqrt(std::max(0.0, all - budget.scale * budget.scale));
     if (!calibration_.jitter) return budget;
     // Shifts of what a camera sees, alike for all points of an instant.
     double square = 0;
@@ -173,10 +187,10 @@ class Predictor {
   }
 
   [[nodiscard]] std::optional<AccuracyCell> CellAt(const Eigen::Vector3d& X) const {
-    const std::optional<PointError> error = ErrorOf(X);
+    const std::optional<ErringPoint> error = ErrorOf(X);
     if (!error) return std::nullopt;
     AccuracyCell cell;
-    const std::pair<const PointError*, Eigen::RowVector3d> x{&*error, Eigen::RowVector3d::UnitX()},
+    const std::pair<const ErringPoint*, Eigen::RowVector3d> x{&*error, Eigen::RowVector3d::UnitX()},
         y{&*error, Eigen::RowVector3d::UnitY()}, z{&*error, Eigen::RowVector3d::UnitZ()};
     const ErrorBudget of_x = BudgetOf({x}), of_y = BudgetOf({y});
     for (const auto part : {&ErrorBudget::noise,
@@ -200,10 +214,10 @@ class Predictor {
     return cell;
   }
 
-  [[nodiscard]] std::optional<ErrorBudget> BarAt(const PointError& from,
+  [[nodiscard]] std::optional<ErrorBudget> BarAt(const ErringPoint& from,
                                                  const Eigen::Vector3d& X,
                                                  const Eigen::Vector3d& direction) const {
-    const std::optional<PointError> to = ErrorOf(X + options_.bar * direction);
+    const std::optional<ErringPoint> to = ErrorOf(X + options_.bar * direction);
     if (!to) return std::nullopt;
     return BudgetOf({{&*to, direction.transpose()}, {&from, -direction.transpose()}});
   }
@@ -300,6 +314,7 @@ class Predictor {
 
   void FindFindings() {
     if (made_.has_depth) FindLargestPart();
+    FindScale();
     const double last = made_.distances.back().distance;
     if (made_.beyond && last > *made_.beyond) {
       Add({.code = "accuracy_far",
@@ -355,10 +370,26 @@ class Predictor {
            (calibration_.verdict && std::ranges::any_of(calibration_.verdict->findings, is));
   }
 
-  // At the farthest marker, to which the calibration is known to hold.
+  void FindScale() {
+    const AccuracyAtDistance at = AtFarthestMarker();
+    const ErrorBudget& budget = made_.has_depth ? at.z : at.lateral;
+    if (!(budget.scale > budget.Sigma() / std::sqrt(2))) return;
+    Add({.code = "accuracy_scale",
+         .grade = Grade::kUsable,
+         .what = fmt::format("The size of the target is known to {:.2g} %, and so are all lengths; "
+                             "at {:.3g} m that makes more than half of the variance.",
+                             1e2 * scale_sigma_,
+                             at.distance),
+         .remedy = "Measure a length on the target and state it in the session (distances)."});
+  }
+
+  // To which the calibration is known to hold.
+  [[nodiscard]] AccuracyAtDistance AtFarthestMarker() const {
+    return At(farthest_ > 0 ? farthest_ : made_.distances.front().distance, made_.grid);
+  }
+
   void FindLargestPart() {
-    const AccuracyAtDistance at =
-        At(farthest_ > 0 ? farthest_ : made_.distances.front().distance, made_.grid);
+    const AccuracyAtDistance at = AtFarthestMarker();
     const double half = at.sigma_z * at.sigma_z / 2;
     const auto words = [&](double part, const char* by) {
       return fmt::format("At {:.3g} m sigma of z is {:.2g} mm, of which {} makes {:.2g} mm.",
@@ -392,6 +423,7 @@ class Predictor {
   SpaceRig rig_;
   PointsBeforeImage points_;
   double nearest_ = std::numeric_limits<double>::infinity(), farthest_ = 0;
+  double scale_sigma_ = 0;  // of the target's size
   Eigen::MatrixXd C_;
   std::vector<Eigen::MatrixXd> C_if_known_;
   RigAccuracy made_;

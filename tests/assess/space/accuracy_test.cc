@@ -119,6 +119,21 @@ TEST(Accuracy, CamerasThatDoNotExposeAtOnceAddTheirShifts) {
               ::testing::Contains(::testing::Field(&Finding::code, "accuracy_not_rigid")));
 }
 
+TEST(Accuracy, TheSizeOfTheTargetScalesAllOfSpace) {
+  // All of the base's error is that of the target's size.
+  constexpr double kScale = 5e-3;
+  CalibrationRecord record = ParallelPair({.sigma_base = kScale * kBase});
+  record.target_scales = {{"target.scale", {0, kScale}}};
+  const RigAccuracy made = Predicted(record, {.distances = {2}});
+  const AccuracyCell cell = MiddleOf(made);
+  EXPECT_NEAR(cell.z.scale, 2 * kScale, 1e-6);
+  EXPECT_LT(cell.z.calibration, 0.05 * cell.z.scale);
+  ASSERT_TRUE(cell.across);
+  EXPECT_NEAR(cell.across->scale, 0.1 * kScale, 1e-6);
+  EXPECT_THAT(made.findings,
+              ::testing::Contains(::testing::Field(&Finding::code, "accuracy_scale")));
+}
+
 TEST(Accuracy, NoiseThatIsStatedReplacesTheCalibrations) {
   const CalibrationRecord record = ParallelPair({.sigma_base = 1e-9});
   AccuracyOptions options{.distances = {2}};

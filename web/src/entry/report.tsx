@@ -4,6 +4,7 @@ import "./report.css";
 import { render } from "preact";
 import { drawAll, drawings, followColours } from "../plot/drawings";
 import type { Drawing } from "../plot/drawings";
+import { AcceptancePage } from "../report/acceptance";
 import { AccuracyPage } from "../report/accuracy";
 import { CalibrationPage } from "../report/calibration";
 import { PhotometryPage } from "../report/photometry";
@@ -31,6 +32,8 @@ function Page({ data }: { data: PageData }) {
       return <CalibrationPage report={data} />;
     case "trial":
       return <TrialPage trial={data} />;
+    case "acceptance":
+      return <AcceptancePage page={data} />;
     case "accuracy":
       return <AccuracyPage page={data} />;
     case "truth":

@@ -15,7 +15,7 @@ const millimetres = (value: number | null | undefined): number | null => (isKnow
 const nameOf = ({ cameras }: Accuracy): string => cameras.join(" + ");
 const isDeep = ({ distances }: Accuracy): boolean => distances.some(({ z }) => z !== null);
 
-export function AccuracyChart({ accuracy, title }: { accuracy: Accuracy; title: string }) {
+function AccuracyChart({ accuracy, title }: { accuracy: Accuracy; title: string }) {
   const { distances } = accuracy;
   const budgets = distances.map(({ z, lateral }) => (isDeep(accuracy) ? z : lateral));
   const part = (key: "median" | "noise" | "calibration" | "scale" | "jitter") => budgets.map((budget) => millimetres(budget?.[key]));
@@ -36,6 +36,21 @@ export function AccuracyChart({ accuracy, title }: { accuracy: Accuracy; title: 
       y={{ label: "sigma, mm", logarithmic: true }}
       series={[{ label: "all", values: part("median"), colour: "--series-0", width: 2.5 }, ...parts]}
     />
+  );
+}
+
+/** Of a rig or a plenoptic camera, in the report and the workbench. */
+export function AccuracyCharts({ accuracy }: { accuracy: Accuracy[] }) {
+  if (accuracy.length === 0) return null;
+  return (
+    <>
+      <Note>Points measured from their images, as plenocal triangulate does. More: plenocal accuracy.</Note>
+      <Figures>
+        {accuracy.map((each) => (
+          <AccuracyChart key={each.cameras.join()} accuracy={each} title={`Points seen by ${each.cameras.join(" and ")}`} />
+        ))}
+      </Figures>
+    </>
   );
 }
 

@@ -37,6 +37,28 @@ export interface Trial {
 export interface MappedAccuracy extends Accuracy {
   distances: (AccuracyAtDistance & { map: Grid & { sigma: Unknown[] } })[];
 }
+export interface AcceptancePageData {
+  kind: "acceptance";
+  passes: boolean;
+  lacks: string[];
+  left_out: string[];
+  findings: { what: string; remedy: string }[];
+  lengths: number;
+  lines: number;
+  volume: Vector;
+  largest: number;
+  rms: number;
+  measured: {
+    line: string;
+    of: string;
+    frame: string;
+    reference: number;
+    measured: number;
+    sigma: number;
+    deviation: number;
+    limit: number;
+  }[];
+}
 export interface AccuracyPageData {
   kind: "accuracy";
   accuracy: MappedAccuracy[];
@@ -126,4 +148,4 @@ export interface Photometry {
   comparison?: Comparison;
 }
 
-export type PageData = Report | Trial | LoopTruth | Photometry | AccuracyPageData;
+export type PageData = Report | Trial | LoopTruth | Photometry | AccuracyPageData | AcceptancePageData;

@@ -7,7 +7,7 @@ import { signed } from "../plot/colours";
 import { ColourScale, Figure } from "../plot/figure";
 import { PaintedChart } from "../plot/point_chart";
 import { SigmaPicture } from "../plot/sigma_map";
-import { AccuracyChart } from "./accuracy";
+import { AccuracyCharts } from "./accuracy";
 import { Figures, Note } from "./page";
 
 export function Correlations({ names, below_diagonal: rows }: Report["correlation"]) {
@@ -55,16 +55,7 @@ const kDistances = ["Distance of the nearest marker", "Median distance of the ma
 export function UncertaintyInUse({ cameras, accuracy }: { cameras: ReportCamera[]; accuracy: Accuracy[] }) {
   return (
     <>
-      {accuracy.length > 0 && (
-        <>
-          <Note>Points measured from their images, as plenocal triangulate does. More: plenocal accuracy.</Note>
-          <Figures>
-            {accuracy.map((each) => (
-              <AccuracyChart key={each.cameras.join()} accuracy={each} title={`Points seen by ${each.cameras.join(" and ")}`} />
-            ))}
-          </Figures>
-        </>
-      )}
+      <AccuracyCharts accuracy={accuracy} />
       <Note>
         Standard deviation of the projection of a point, in its worst direction, caused by the errors of the parameters. Errors that a rotation
         and translation of the camera frame compensates are not counted. Colours are logarithmic and the same in all reports; empty: outside the

@@ -2,17 +2,19 @@
 // Target and camera poses of a run, with the views that would come next.
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { ask } from "../api/client";
-import type { Space } from "../api/calibration";
+import type { Accuracy, Space } from "../api/calibration";
 import { targetOf } from "../base/calibration";
 import { inverseOf } from "../space/geometry";
 import type { Ghost } from "../space/geometry";
 import { ExtrinsicsTable } from "../parts/table";
+import { AccuracyCharts } from "../report/accuracy";
 import { Scene } from "../space/scene";
 import { attempt, go, place, run } from "../state/project";
 import { findSuggestions, suggestionsOfRun } from "../state/suggestions";
 
 export function InSpace() {
   const [space, setSpace] = useState<Space | null>(null);
+  const [accuracy, setAccuracy] = useState<Accuracy[]>([]);
   const [withNext, setWithNext] = useState(false);
   const number = place.value.run;
   const now = run.value;
@@ -20,6 +22,7 @@ export function InSpace() {
   useEffect(() => {
     if (number === null) return;
     void attempt(async () => setSpace(await ask("GET", `/api/runs/${number}/space`)));
+    void attempt(async () => setAccuracy(await ask("GET", `/api/runs/${number}/accuracy`)));
   }, [number, now]);
   useEffect(() => {
     if (withNext) void findSuggestions().then((found) => found ?? setWithNext(false));
@@ -47,6 +50,7 @@ export function InSpace() {
         </span>
       </div>
       <ExtrinsicsTable cameras={now.cameras} />
+      <AccuracyCharts accuracy={accuracy} />
     </>
   );
 }

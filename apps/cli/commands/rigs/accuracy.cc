@@ -90,7 +90,7 @@ void DeclareAccuracy(CLI::App* app, AccuracyArguments* arguments, ConsoleOptions
                   "own points follow")
       ->check(CLI::IsMember({"rig", "housing"}))
       ->capture_default_str();
-  app->add_flag("--json", arguments->json, "the figures as JSON on standard output");
+  AddJson(app, &arguments->json);
   app->add_option("-o,--out", arguments->out, "folder for the results");
   AddThreadsAndQuiet(app, shared);
 }

@@ -2,9 +2,9 @@
 #include <cmath>
 
 #include "apps/cli/options.h"
+#include "apps/cli/triangulated_inputs.h"
 #include "calib/base/format_error.h"
 #include "engine/rigs/triangulate_points.h"
-#include "engine/session/open_session.h"
 
 namespace plenocal {
 namespace {
@@ -48,20 +48,8 @@ PickedPoint PlaceOf(const std::string& word) {
   return place;
 }
 
-TriangulateRequest RequestOf(const TriangulateArguments& arguments, bool is_session) {
+TriangulateRequest RequestOf(const TriangulateArguments& arguments) {
   TriangulateRequest request = arguments;
-  if (is_session && !arguments.places.empty()) {
-    throw InputError("--at goes with images, as left=a.png right=b.png");
-  }
-  for (const std::string& word : arguments.given) {
-    if (is_session) break;
-    const size_t equals = word.find('=');
-    if (equals == std::string::npos || equals == 0) {
-      throw InputError("{}: expected a camera and its table, as left=left.csv, or a session alone",
-                       word);
-    }
-    request.files.emplace_back(word.substr(0, equals), word.substr(equals + 1));
-  }
   for (const std::string& word : arguments.places) request.at.push_back(PlaceOf(word));
   request.frame = arguments.frame_name == "housing" ? SpaceFrame::kHousing : SpaceFrame::kRig;
   request.lengths = PositionsOf(arguments.length, "--length");
@@ -71,14 +59,8 @@ TriangulateRequest RequestOf(const TriangulateArguments& arguments, bool is_sess
 }
 
 void RunTriangulate(const TriangulateArguments& arguments, Console* console) {
-  const bool is_session = arguments.given.size() == 1 &&
-                          arguments.given[0].find('=') == std::string::npos &&
-                          !arguments.given[0].ends_with(".csv");
-  const TriangulateRequest request = RequestOf(arguments, is_session);
-  const Run run = console->NewRun();
-  const Triangulation made = is_session
-                                 ? TriangulatePoints(OpenSession(arguments.given[0]), request, run)
-                                 : TriangulatePoints(request, run);
+  const Triangulation made =
+      TriangulateGiven(arguments.given, RequestOf(arguments), console->NewRun());
   console->Print(arguments.json ? TriangulationJson(made) : TriangulationText(made));
 }
 
