@@ -172,7 +172,10 @@ class Test {
     made_.scale_sigma = 1 / l.norm();
     made_.scale = l.dot(d) / l.squaredNorm();
     const double t = made_.scale / made_.scale_sigma;
-    if (ChiSquareTail(1, t * t) < kContradiction) {
+    // A scale explains the deviations only where it leaves what the standard errors explain.
+    const bool explains = n > 1 && ChiSquareTail(static_cast<double>(n - 1),
+                                                 made_.chi_square - t * t) >= kContradiction;
+    if (explains && ChiSquareTail(1, t * t) < kContradiction) {
       made_.findings.push_back(
           {.code = "acceptance_scale",
            .grade = Grade::kUsable,
@@ -188,10 +191,20 @@ class Test {
           {.code = "acceptance_sigma",
            .grade = Grade::kUsable,
            .value = made_.chi_square / static_cast<double>(n),
-           .what = "The deviations are larger than the standard errors that the calibration "
-                   "states.",
-           .remedy = "See the calibration's verdict; calibrate again if a camera has moved."});
+           .what = fmt::format("The deviations are larger than the standard errors explain; the "
+                               "largest of them: {}.",
+                               Escaped(LargestInSigmas())),
+           .remedy =
+               "Check this reference length. If others deviate as well, see the calibration's "
+               "verdict, and calibrate again if a camera has moved."});
     }
+  }
+
+  [[nodiscard]] std::string LargestInSigmas() const {
+    const AcceptedLength& worst = *std::ranges::max_element(
+        made_.lengths, {}, [](const AcceptedLength& each) { return std::abs(each.InSigmas()); });
+    return fmt::format(
+        "{} in {}, {:.2g} sigma", worst.reference->Of(), worst.frame, std::abs(worst.InSigmas()));
   }
 
   void CheckComplete() {

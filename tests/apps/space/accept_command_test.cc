@@ -110,6 +110,15 @@ TEST_F(Accept, LengthsOfAnotherScaleFailAndTheScaleIsNamed) {
   EXPECT_EQ(expanded.status, 0) << expanded.out;
 }
 
+TEST_F(Accept, OneWrongReferenceIsNoScale) {
+  const std::string wrong =
+      Bars(1) + "      - {between: [tag 0, tag 7], length: 0.11, sigma: 3 um}\n";
+  const Outcome outcome = RunAccept(wrong);
+  EXPECT_EQ(outcome.status, 3);
+  EXPECT_THAT(outcome.out, HasSubstr("acceptance_sigma: "));
+  EXPECT_THAT(outcome.out, HasSubstr("the largest of them: tag 0 - tag 7 in "));
+}
+
 TEST_F(Accept, NamesWhatDoesNotFit) {
   const auto refused = [&](const std::string& bars, const std::string& what) {
     const Outcome outcome = RunAccept(bars);

@@ -7,7 +7,7 @@ import { LineChart } from "../plot/line_chart";
 import { Figures, Note, SectionPage } from "./page";
 import type { AcceptancePageData } from "./types";
 
-const millimetres = (value: number): Cell => ({ text: brief(1e3 * value, 4), value: 1e3 * value });
+const millimetres = (value: number, digits: number): Cell => ({ text: brief(1e3 * value, digits), value: 1e3 * value });
 
 function Deviations({ measured }: AcceptancePageData) {
   const sorted = [...measured].sort((a, b) => a.reference - b.reference);
@@ -71,7 +71,8 @@ export function AcceptancePage({ page }: { page: AcceptancePageData }) {
                   line,
                   of,
                   frame,
-                  ...[reference, found, sigma, deviation, limit].map(millimetres),
+                  ...[reference, found].map((length) => millimetres(length, 6)),
+                  ...[sigma, deviation, limit].map((length) => millimetres(length, 3)),
                   Math.abs(deviation) <= limit ? "passes" : "fails",
                 ])}
               />
