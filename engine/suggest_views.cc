@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "assess/space/depth_sigma.h"
 #include "assess/verdict.h"
 #include "assess/views/view_information.h"
 #include "calib/base/format_error.h"
@@ -176,19 +177,24 @@ void CheckNumbers(const SuggestRequest& request) {
   RequireWithin("far", request.farthest, 0, kFar);
   RequireWithin("tilt", request.tilt, 0, 75);
   RequireWithin("goal", request.goal, 0, kFar);
+  RequireWithin("goal: depth", request.depth_at, 0, kFar);
 }
 
 SuggestedViews ChooseViews(SuggestedViews suggested,
                            const SuggestRequest& request,
                            const Run& run) {
   run.Progress("views");
-  suggested.views = ChooseNextViews(suggested.rig,
-                                    suggested.shape,
-                                    {.count = request.count,
-                                     .range = {request.nearest, request.farthest},
-                                     .largest_tilt = Radians(request.tilt),
-                                     .goal = request.goal,
-                                     .threads = run.threads});
+  NextViewOptions options{.count = request.count,
+                          .range = {request.nearest, request.farthest},
+                          .largest_tilt = Radians(request.tilt),
+                          .goal = request.goal,
+                          .threads = run.threads};
+  if (request.depth_at > 0) {
+    options.lowered = [&](const RigEstimate& rig, const RigUnknowns& unknowns) {
+      return DepthSigma(rig, unknowns, request.depth_at);
+    };
+  }
+  suggested.views = ChooseNextViews(suggested.rig, suggested.shape, options);
   return suggested;
 }
 

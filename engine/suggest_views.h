@@ -31,7 +31,9 @@ struct SuggestRequest : SessionOptions {
   int count = 5;                     ///< of suggestions
   double nearest = 0, farthest = 0;  ///< of the target, m; 0: as target and lens allow
   double tilt = 50;                  ///< the largest, degrees
-  double goal = 0.05;                ///< standard error of the projection that suffices, px
+  double goal = 0.05;  ///< standard error of the projection that suffices, px; of z: mm
+  /// Views lower the standard error of z of points at this distance, m; 0: that of the projection.
+  double depth_at = 0;
 };
 
 /// Throws `Error`: of kind kJob where the images determine no calibration and no angle is given;

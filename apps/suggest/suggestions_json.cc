@@ -45,7 +45,7 @@ Json SuggestionsJson(const SuggestedViews& suggested) {
     const BundleCamera& camera = rig.bundle.cameras[view.pose.camera];
     Json seen = Json::array();
     for (const size_t c : view.cameras) seen.push_back(rig.bundle.cameras[c].name);
-    views.push_back({{"words", NextViewText(view, rig)},
+    views.push_back({{"words", NextViewText(view, rig, suggestions.lowered)},
                      {"camera", camera.name},
                      {"cameras", seen},
                      {"T_camera_target", Matrix(camera.T_camera_rig * view.T_rig_target)},
@@ -71,6 +71,8 @@ Json SuggestionsJson(const SuggestedViews& suggested) {
           {"frames", suggestions.frames},
           {"sigma_now", suggestions.sigma},
           {"goal", suggestions.goal},
+          {"of", suggestions.lowered.of},
+          {"unit", suggestions.lowered.unit},
           {"reached", suggestions.reached},
           {"exhausted", suggestions.exhausted},
           {"bound", bound},

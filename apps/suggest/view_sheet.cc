@@ -93,7 +93,8 @@ class Sheet {
       DrawImage(cr, panel, c, view);
     }
     cairo_set_source_rgb(cr, 0.1, 0.1, 0.1);
-    const std::string words = fmt::format("{}. {}", i + 1, NextViewText(view, rig_));
+    const std::string words =
+        fmt::format("{}. {}", i + 1, NextViewText(view, rig_, suggestions_.lowered));
     double y = top + PanelHeight(rig_) + kLine;
     for (const std::string& line : Wrapped(cr, words, Width() - 2 * kMargin)) {
       cairo_move_to(cr, kMargin, y);

@@ -412,9 +412,10 @@ class Predictor {
       Add({.code = "accuracy_calibration",
            .grade = Grade::kGood,
            .what = words(at.z.calibration, "the calibration"),
-           .remedy =
-               "Four times as many frames of the target halve it. 'plenocal suggest' names the views "
-               "that lower it most."});
+           .remedy = fmt::format(
+               "Four times as many frames of the target halve it. 'plenocal suggest --goal "
+               "depth@{:.2g}m' names the views that lower it most.",
+               at.distance)});
     }
   }
 

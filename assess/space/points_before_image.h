@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "assess/views/micro_lens_visibility.h"
@@ -24,6 +25,10 @@ class PointsBeforeImage {
                     const std::vector<std::string>& names,
                     const SpaceRig& rig,
                     const std::vector<MicroLensVisibility>& lenses);
+
+  /// `lenses`: of each camera of `rig`, with micro images of plenoptic ones.
+  PointsBeforeImage(const SpaceRig& rig, std::vector<MicroLensVisibility> lenses)
+      : rig_(rig), lenses_(std::move(lenses)) {}
 
   /// The point at a z of the first camera's frame, m, on the ray of a place in its image, px.
   /// Nothing for rays that do not reach it, and outside the image circle.

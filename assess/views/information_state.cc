@@ -19,9 +19,9 @@ void InformationState::Add(const Eigen::MatrixXd& information) {
 }
 
 bool InformationState::IsDetermined() const {
-  constexpr double kPriors = 0.5;    // of an unknown, in units: above it is the prior's
-  constexpr double kDetermined = 5;  // px; above it sigma depends on the weak prior
-  return covariance_.diagonal().head(head_).maxCoeff() < kPriors && Sigma() < kDetermined;
+  constexpr double kPriors = 0.5;  // of an unknown, in units: above it is the prior's
+  return covariance_.diagonal().head(head_).maxCoeff() < kPriors &&
+         Sigma() < projection_->Words().determined;
 }
 
 double InformationState::SigmaOfImages() const {

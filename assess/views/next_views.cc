@@ -60,10 +60,12 @@ class NextViewChooser::Impl {
       unknowns_ = MakeRigUnknowns(rig_.bundle, distances_[0]);
     }
     predictor_.emplace(rig_, unknowns_, shape_);
-    projection_.emplace(rig_, unknowns_, distances_);
+    projection_.emplace(options_.lowered ? options_.lowered(rig_, unknowns_)
+                                         : ProjectionSigma(rig_, unknowns_, distances_));
     state_.emplace(predictor_->InformationSoFar(), unknowns_.head, *projection_);
     if (!stay) MakeCandidates();
-    NextViews result{.goal = options_.goal, .distances = distances_};
+    NextViews result{
+        .goal = options_.goal, .lowered = projection_->Words(), .distances = distances_};
     result.frames = rig_.bundle.T_rig_target.size();
     result.sigma = state_->SigmaOfImages();
     result.reached = result.sigma <= options_.goal;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -26,16 +27,18 @@ enum class ViewCriterion {
 
 struct NextViewOptions {
   int count = 5;
-  ViewRange range = {};          ///< m; 0: as the target and the cameras allow
-  double largest_tilt = 0.87;    ///< rad, 50 degrees
-  double goal = 0.05;            ///< px of the projection's standard error
+  ViewRange range = {};        ///< m; 0: as the target and the cameras allow
+  double largest_tilt = 0.87;  ///< rad, 50 degrees
+  double goal = 0.05;          ///< px of the projection's standard error, or as `lowered` has it
+  /// What views are to lower; not set: the projection's standard error.
+  std::function<ProjectionSigma(const RigEstimate&, const RigUnknowns&)> lowered = {};
   double angle_error = 0.087;    ///< of a pose that a person makes, rad (5 degrees)
   double distance_error = 0.05;  ///< likewise, part of the distance
   int threads = 0;               ///< 0: all cores
 };
 
-/// One suggestion. Sigmas are standard errors of the projection, px; those after it are with all
-/// suggestions before it as well.
+/// One suggestion. Sigmas are standard errors of the projection, px, or of what is to be lowered;
+/// those after it are with all suggestions before it as well.
 struct NextView {
   TargetPose pose = {};
   RigidTransform T_rig_target = {};
@@ -66,6 +69,7 @@ struct NextViews {
   std::vector<NextView> views = {};  ///< best first; fewer than asked for when no more are feasible
   double sigma = 0;                  ///< now, px; infinite while something is not determined
   double goal = 0;
+  LoweredSigma lowered = {};             ///< of all sigmas here
   bool reached = false;                  ///< `sigma` is below the goal
   bool exhausted = false;                ///< `views` together gain less than a tenth
   std::optional<ViewBound> bound = {};   ///< none: something is not determined yet
@@ -103,7 +107,7 @@ class NextViewChooser {
 
 /// "board in the lower left corner, 0.30 m away, its left side tilted away by 40 degrees: sigma
 /// there 1.6 -> 0.4 px".
-std::string NextViewText(const NextView& view, const RigEstimate& rig);
+std::string NextViewText(const NextView& view, const RigEstimate& rig, const LoweredSigma& lowered);
 /// "the best 9 frames possible would reach 0.021 px; the goal takes at least 2 more, 3 as
 /// suggested"; empty while something is not determined.
 std::string ViewBoundText(const NextViews& suggestions);

@@ -47,7 +47,9 @@ std::string RegionName(size_t region) {
   return kNames[region];
 }
 
-std::string NextViewText(const NextView& view, const RigEstimate& rig) {
+std::string NextViewText(const NextView& view,
+                         const RigEstimate& rig,
+                         const LoweredSigma& lowered) {
   const BundleCamera& camera = rig.bundle.cameras[view.pose.camera];
   const bool several = rig.bundle.cameras.size() > 1;
   std::string words = fmt::format("target in the {}{}, {} away",
@@ -67,10 +69,13 @@ std::string NextViewText(const NextView& view, const RigEstimate& rig) {
   if (view.criterion == ViewCriterion::kEntropy) {
     return words + ": determines what the images so far leave open";
   }
-  return words + fmt::format(": sigma in the {} {:.2g} -> {:.2g} px",
-                             RegionName(view.region),
-                             view.region_before,
-                             view.region_after);
+  // Of a camera in whose image the sigma is not judged: as a whole.
+  const bool in_region = view.region_before > 0;
+  return words + fmt::format(": sigma {}{:.2g} -> {:.2g} {}",
+                             in_region ? fmt::format("in the {} ", RegionName(view.region)) : "",
+                             in_region ? view.region_before : view.sigma_before,
+                             in_region ? view.region_after : view.sigma_after,
+                             lowered.unit);
 }
 
 std::string ViewBoundText(const NextViews& suggestions) {
@@ -78,9 +83,10 @@ std::string ViewBoundText(const NextViews& suggestions) {
   const ViewBound& bound = *suggestions.bound;
   std::string words;
   if (std::isfinite(bound.sigma)) {
-    words = fmt::format("the best {} possible would reach {:.2g} px",
+    words = fmt::format("the best {} possible would reach {:.2g} {}",
                         Counted(suggestions.frames, "frame"),
-                        bound.sigma);
+                        bound.sigma,
+                        suggestions.lowered.unit);
   }
   if (suggestions.reached) return words;
   words += words.empty() ? "" : "; ";
@@ -96,10 +102,12 @@ std::string NextViewsText(const NextViews& suggestions,
                           bool assumed_angle) {
   std::string text =
       std::isfinite(suggestions.sigma)
-          ? fmt::format("{}; sigma of the projection {:.2g} px, goal {:.2g} px\n",
+          ? fmt::format("{0}; sigma of {1} {2:.2g} {4}, goal {3:.2g} {4}\n",
                         Counted(suggestions.frames, "frame"),
+                        suggestions.lowered.of,
                         suggestions.sigma,
-                        suggestions.goal)
+                        suggestions.goal,
+                        suggestions.lowered.unit)
           : fmt::format("{}; they do not determine all parameters yet{}\n",
                         Counted(suggestions.frames, "frame"),
                         assumed_angle
@@ -114,11 +122,14 @@ std::string NextViewsText(const NextViews& suggestions,
         "or take a larger target:\n";
   }
   for (size_t i = 0; i < suggestions.views.size(); ++i) {
-    text += fmt::format("  {}. {}\n", i + 1, NextViewText(suggestions.views[i], rig));
+    text += fmt::format(
+        "  {}. {}\n", i + 1, NextViewText(suggestions.views[i], rig, suggestions.lowered));
   }
   if (!suggestions.views.empty() && suggestions.views.back().criterion == ViewCriterion::kSigma) {
-    text += fmt::format("with all of them: sigma of the projection {:.2g} px\n",
-                        suggestions.views.back().sigma_after);
+    text += fmt::format("with all of them: sigma of {} {:.2g} {}\n",
+                        suggestions.lowered.of,
+                        suggestions.views.back().sigma_after,
+                        suggestions.lowered.unit);
   }
   // Standard errors do not include errors of the model.
   if (verdict && verdict->grade == Grade::kBad) {

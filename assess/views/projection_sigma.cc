@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "assess/views/micro_lens_visibility.h"
 #include "assess/views/projection_jacobian.h"
@@ -16,9 +17,7 @@ namespace {
 constexpr int kGridColumns = 16, kGridRows = 12;
 
 /// Derivatives of one projected point by the unknowns in units and by a motion of the rig's frame.
-struct GridPoint {
-  size_t camera = 0, region = 0;
-  Eigen::MatrixXd by_unknowns;
+struct GridPoint : ProjectionSigma::Result {
   Eigen::Matrix<double, 2, 6> by_motion;
 };
 
@@ -68,7 +67,7 @@ class Grid {
     const Eigen::Vector3d p_cam = ray->origin + distance * ray->direction;
     ProjectionJacobian J;
     if (!Differentiate(camera, values.data(), p_cam, &J)) return;
-    GridPoint point{c, region, Eigen::MatrixXd::Zero(2, scale_.size()), {}};
+    GridPoint point{{c, region, Eigen::MatrixXd::Zero(2, scale_.size())}, {}};
     for (Eigen::Index k = 0; k < J.by_params.cols(); ++k) {
       const int index = unknowns_.params[c][static_cast<size_t>(k)];
       if (index >= 0) point.by_unknowns.col(index) = scale_[index] * J.by_params.col(k);
@@ -110,19 +109,29 @@ ProjectionSigma::ProjectionSigma(const RigEstimate& rig,
     mixed += point.by_motion.transpose() * point.by_unknowns;
   }
   const Eigen::MatrixXd follow = SolveSymmetric(normal, mixed);
-  all_ = Eigen::MatrixXd::Zero(size, size);
-  regions_.resize(rig.bundle.cameras.size());
-  std::vector<std::array<double, kRegions>> counts(regions_.size());
+  std::vector<Result> results;
   for (const GridPoint& point : points) {
-    const Eigen::MatrixXd G = point.by_unknowns - point.by_motion * follow;
-    const Eigen::MatrixXd square = G.transpose() * G;
-    all_ += square / static_cast<double>(points.size());
-    Eigen::MatrixXd& region = regions_[point.camera][point.region];
+    results.push_back({point.camera, point.region, point.by_unknowns - point.by_motion * follow});
+  }
+  *this = ProjectionSigma(results, rig.bundle.cameras.size(), {});
+}
+
+ProjectionSigma::ProjectionSigma(const std::vector<Result>& results,
+                                 size_t cameras,
+                                 LoweredSigma words)
+    : words_(std::move(words)), regions_(cameras) {
+  const Eigen::Index size = results[0].by_unknowns.cols();
+  all_ = Eigen::MatrixXd::Zero(size, size);
+  std::vector<std::array<double, kRegions>> counts(cameras);
+  for (const Result& result : results) {
+    const Eigen::MatrixXd square = result.by_unknowns.transpose() * result.by_unknowns;
+    all_ += square / static_cast<double>(results.size());
+    Eigen::MatrixXd& region = regions_[result.camera][result.region];
     if (region.size() == 0) region = Eigen::MatrixXd::Zero(size, size);
     region += square;
-    ++counts[point.camera][point.region];
+    ++counts[result.camera][result.region];
   }
-  for (size_t c = 0; c < regions_.size(); ++c) {
+  for (size_t c = 0; c < cameras; ++c) {
     for (size_t r = 0; r < kRegions; ++r) regions_[c][r] /= std::max(1.0, counts[c][r]);
   }
 }

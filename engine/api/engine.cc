@@ -229,7 +229,7 @@ std::vector<SuggestedView> SuggestViews(const Calibration& calibration,
   for (const NextView& view : found.views.views) {
     const BundleCamera& camera = found.rig.bundle.cameras[view.pose.camera];
     const bool known = view.criterion == ViewCriterion::kSigma;
-    views.push_back({.words = NextViewText(view, found.rig),
+    views.push_back({.words = NextViewText(view, found.rig, found.views.lowered),
                      .camera = camera.name,
                      .T_camera_target = MatrixOf(camera.T_camera_rig * view.T_rig_target),
                      .sigma_before = known ? view.sigma_before : INFINITY,

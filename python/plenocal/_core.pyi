@@ -51,6 +51,7 @@ class SuggestRequest(SessionOptions):
     far: float
     tilt: float
     goal: float
+    depth_at: float
 
 class LocateRequest:
     def __init__(self) -> None: ...

@@ -226,6 +226,7 @@ def suggest(
     far: float | None = None,
     tilt: float = 50,
     goal: float = 0.05,
+    depth_at: float | None = None,
     picture: PathLike = "",
     threads: int = 0,
     progress: Progress | None = None,
@@ -244,7 +245,8 @@ def suggest(
         near: smallest distance of the target, m; None: as target and lens allow.
         far: largest distance of the target, m; None: likewise.
         tilt: largest tilt of the target against the line of sight, degrees (0 to 75).
-        goal: standard error of the projection that suffices, px.
+        goal: standard error of the projection that suffices, px; with `depth_at` that of z, mm.
+        depth_at: views lower the standard error of z of points at this distance, m; None: that of the projection.
         picture: SVG or PNG file with a drawing of the suggested images; empty: none is written.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
@@ -263,6 +265,7 @@ def suggest(
     request.far = _positive(far, "far")
     request.tilt = tilt
     request.goal = goal
+    request.depth_at = _positive(depth_at, "depth_at")
     given: list[_core.Session | _core.Record] = []
     if isinstance(source, Session):
         given.append(_open(source)._native)

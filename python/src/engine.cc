@@ -260,7 +260,8 @@ void BindRequests(nb::module_& module) {
       .def_rw("near", &SuggestRequest::nearest)
       .def_rw("far", &SuggestRequest::farthest)
       .def_rw("tilt", &SuggestRequest::tilt)
-      .def_rw("goal", &SuggestRequest::goal);
+      .def_rw("goal", &SuggestRequest::goal)
+      .def_rw("depth_at", &SuggestRequest::depth_at);
   nb::class_<LocateRequest>(module, "LocateRequest")
       .def(nb::init<>())
       .def_rw("map", &LocateRequest::map)

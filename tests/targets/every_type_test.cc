@@ -198,7 +198,9 @@ TEST(TargetTypes, AreThoseOfTheFolder) {
 TEST(TargetTypes, ShareTheKeysOfRefinements) {
   std::vector<std::string> names;
   for (const TargetKey& key : CommonTargetKeys()) names.emplace_back(key.name);
-  EXPECT_THAT(names, UnorderedElementsAre("plenocal", "type", "tolerance", "markers", "sigma"));
+  EXPECT_THAT(
+      names,
+      UnorderedElementsAre("plenocal", "type", "tolerance", "scale_sigma", "markers", "sigma"));
 }
 
 }  // namespace TEST_FILE

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <cmath>
 #include <optional>
+#include <string_view>
 
 #include "apps/cli/options.h"
 #include "apps/suggest/suggestions_json.h"
 #include "apps/suggest/view_sheet.h"
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
+#include "calib/base/number_text.h"
 #include "calib/io/output_folder.h"
 #include "engine/suggest_views.h"
 
@@ -15,6 +18,7 @@ namespace plenocal {
 namespace {
 
 struct SuggestArguments : SuggestRequest {
+  std::string goal_words;  ///< "0.05", "depth@5m", "depth@5m:2mm"
   bool json = false;
   std::filesystem::path picture;  ///< empty: none
   /// Pictures taken at once that are to be weighed, "left=look.png"; empty: views are suggested.
@@ -38,7 +42,32 @@ std::map<std::string, FrameImage> PicturesOf(const SuggestArguments& arguments) 
   return pictures;
 }
 
-void RunSuggest(const SuggestArguments& arguments, Console* console) {
+// Sets goal and depth_at.
+void ReadGoal(const std::string& words, SuggestRequest* request) {
+  constexpr std::string_view kDepth = "depth@";
+  constexpr double kMillimetres = 1e3, kPartOfDistance = 1e-3;
+  const auto length = [&](std::string_view text) {
+    const std::optional<Length> read = ParseLength(text);
+    if (read && read->metres > 0) return read->metres;
+    throw InputError("--goal {}: expected px above 0, as 0.05, or depth@5m, or depth@5m:2mm",
+                     words);
+  };
+  if (words.empty()) return;
+  if (!words.starts_with(kDepth)) {
+    const std::optional<double> px = ParseDouble(words);
+    request->goal = px && std::isfinite(*px) && *px > 0 ? *px : length("");
+    return;
+  }
+  const std::string_view rest = std::string_view(words).substr(kDepth.size());
+  const size_t colon = rest.find(':');
+  request->depth_at = length(rest.substr(0, colon));
+  request->goal =
+      kMillimetres * (colon == std::string_view::npos ? kPartOfDistance * request->depth_at
+                                                      : length(rest.substr(colon + 1)));
+}
+
+void RunSuggest(SuggestArguments arguments, Console* console) {
+  ReadGoal(arguments.goal_words, &arguments);
   const Run run = console->NewRun();
   if (!arguments.images.empty()) {
     const PictureGain gain = EvaluatePictures(arguments.input, PicturesOf(arguments), run);
@@ -92,9 +121,12 @@ void DeclareSuggest(CLI::App* app, SuggestArguments* arguments, ConsoleOptions* 
   app->add_option("--tilt", arguments->tilt, "largest tilt against the line of sight, degrees")
       ->check(CLI::Range(0.0, 75.0))
       ->capture_default_str();
-  app->add_option("--goal", arguments->goal, "sigma of the projection that suffices, px")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  app->add_option(
+         "--goal",
+         arguments->goal_words,
+         "sigma of the projection that suffices, px; or depth@5m, depth@5m:2mm: sigma of z "
+         "at 5 m (by default a thousandth of the distance)")
+      ->default_str("0.05");
   app->add_option("--picture", arguments->picture, "FILE.svg or FILE.png: what images should show");
   app->add_option(
       "--image",

@@ -120,6 +120,31 @@ TEST_F(AccuracyCommand, TwoCalibrationsAreComparedInSpace) {
   EXPECT_THAT(check.err, HasSubstr("calibrate the new images"));
 }
 
+TEST_F(AccuracyCommand, ViewsAreSuggestedThatLowerTheSigmaOfDepth) {
+  const Outcome outcome = Run({"suggest", "result", "--goal", "depth@2m:0.1mm", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const Json suggested = Json::parse(outcome.out);
+  EXPECT_EQ(suggested["unit"], "mm");
+  EXPECT_NEAR(suggested["goal"].get<double>(), 0.1, 1e-9);
+  // The same pair at the same distance: an RMS over the image against the median.
+  const Json accuracy =
+      Json::parse(Run({"accuracy", "result", "--distances", "2", "--json"}).out)[0];
+  const double calibration = 1e3 * accuracy["distances"][0]["z"]["calibration"].get<double>();
+  EXPECT_NEAR(suggested["sigma_now"].get<double>(), calibration, 0.3 * calibration);
+  double before = suggested["sigma_now"];
+  for (const Json& view : suggested["views"]) {
+    EXPECT_LT(view["sigma_after"].get<double>(), before);
+    before = view["sigma_after"];
+  }
+  EXPECT_THAT(Run({"suggest", "result", "--goal", "depth@2m"}).out,
+              HasSubstr("sigma of z at 2 m "));
+  for (const char* goal : {"depth@", "depth@0m", "depth@2m:", "0", "nan", "x"}) {
+    const Outcome refused = Run({"suggest", "result", "--goal", goal});
+    EXPECT_EQ(refused.status, kWrongInput) << goal;
+    EXPECT_THAT(refused.err, HasSubstr("--goal")) << goal;
+  }
+}
+
 TEST_F(AccuracyCommand, NamesWhatDoesNotFit) {
   ExpectRefused({"result", "--pair", "left,up"}, "up");
   ExpectRefused({"result", "--pair", "left,left"}, "twice");

@@ -320,7 +320,7 @@ TEST(NextViews, OfARigAreSeenByBothCameras) {
     EXPECT_TRUE(std::ranges::count(view.cameras, view.pose.camera) == 1)
         << "the words name a camera that sees it";
   }
-  EXPECT_THAT(NextViewText(next.views[0], known.rig), HasSubstr("seen by cam0, cam1"));
+  EXPECT_THAT(NextViewText(next.views[0], known.rig, {}), HasSubstr("seen by cam0, cam1"));
 }
 
 TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
@@ -375,7 +375,7 @@ TEST(NextViews, AreInWords) {
                 .region = 0,
                 .region_before = 1.63,
                 .region_after = 0.41};
-  EXPECT_EQ(NextViewText(view, known.rig),
+  EXPECT_EQ(NextViewText(view, known.rig, {}),
             "target in the upper left corner, 30 cm away, its right side tilted away by 40 "
             "degrees: sigma in the upper left corner 1.6 -> 0.41 px");
 }
