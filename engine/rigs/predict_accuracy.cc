@@ -9,6 +9,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/json_text.h"
 #include "calib/base/quoted_text.h"
+#include "calib/io/input_file.h"
 #include "engine/json/accuracy_json.h"
 #include "engine/session/calibration_folder.h"
 
