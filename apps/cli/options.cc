@@ -18,6 +18,18 @@ void AddJson(CLI::App* app, bool* json) {
   app->add_flag("--json", *json, "JSON on standard output");
 }
 
+void AddSpaceFrame(CLI::App* app, SpaceFrame* frame) {
+  app->add_option_function<std::string>(
+         "--frame",
+         [frame](const std::string& name) {
+           *frame = name == "housing" ? SpaceFrame::kHousing : SpaceFrame::kRig;
+         },
+         "errors in the first camera's frame, or less the motion that the calibration's own points "
+         "follow")
+      ->check(CLI::IsMember({"rig", "housing"}))
+      ->default_str("rig");
+}
+
 void AddCalibration(CLI::App* app, std::filesystem::path* calibration) {
   app->add_option("calibration", *calibration, "calibration.yaml")->required();
 }

@@ -14,6 +14,7 @@
 #include "apps/cli/command.h"
 #include "apps/cli/console.h"
 #include "calib/camera/bayer.h"
+#include "calib/space/point_fit.h"
 #include "engine/recording/plenoptic_inputs.h"
 #include "engine/session/image_session.h"
 #include "engine/session/session_options.h"
@@ -42,6 +43,8 @@ void AddOut(CLI::App* app,
             const std::string& help = "folder for the results");
 /// Declares `--json`.
 void AddJson(CLI::App* app, bool* json);
+/// Declares `--frame`, rig or housing.
+void AddSpaceFrame(CLI::App* app, SpaceFrame* frame);
 /// Declares the argument `calibration`.
 void AddCalibration(CLI::App* app, std::filesystem::path* calibration);
 /// Declares the argument `recording`.

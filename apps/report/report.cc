@@ -170,6 +170,20 @@ std::string Base64(std::string_view bytes) {
   return text;
 }
 
+// Micro images of each camera; none of ordinary ones.
+std::vector<MicroLensVisibility> VisibilityOf(const CalibrationRecord& calibration,
+                                              const CameraFiles& files) {
+  std::vector<MicroLensVisibility> lenses;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    MicroLensVisibility& of_camera = lenses.emplace_back();
+    const std::string* csv = files.Find(camera.micro_lenses);
+    if (csv == nullptr) continue;
+    const MicroLensTable table(*csv, files.Path(camera.micro_lenses));
+    if (table.HasLattice()) of_camera = table.Visibility(camera.image_size);
+  }
+  return lenses;
+}
+
 class ReportData {
  public:
   ReportData(const CalibrationRecord& calibration, const CameraFiles& files)
@@ -188,16 +202,16 @@ class ReportData {
                  {"correlation", CorrelationJson(calibration_)},
                  {"left_out", calibration_.left_out},
                  {"provenance", provenance}});
-    std::vector<MicroLensVisibility> lenses(calibration_.cameras.size());
     for (size_t c = 0; c < calibration_.cameras.size(); ++c) {
-      data["cameras"][calibration_.cameras[c].name].update(CameraSections(c, &lenses[c]));
+      data["cameras"][calibration_.cameras[c].name].update(CameraSections(c));
     }
-    data["accuracy"] = AccuracyJson(AccuracyInBrief(calibration_, lenses));
+    data["accuracy"] =
+        AccuracyJson(AccuracyInBrief(calibration_, VisibilityOf(calibration_, files_)));
     return data;
   }
 
  private:
-  [[nodiscard]] Json CameraSections(size_t c, MicroLensVisibility* lenses) const {
+  [[nodiscard]] Json CameraSections(size_t c) const {
     // Limits over all cameras, so that the page stays small and quick.
     constexpr size_t kMostPoints = 60'000, kMostOfOne = 6'000;
     const CalibratedCamera& camera = calibration_.cameras[c];
@@ -207,7 +221,6 @@ class ReportData {
       const MicroLensTable table(*csv, files_.Path(camera.micro_lenses));
       if (camera.model->plenoptic) lens_types = table.TypesOf(camera);
       micro_lenses = table.GridSection(camera.image_size);
-      if (table.HasLattice()) *lenses = table.Visibility(camera.image_size);
     }
     Json vignetting;
     if (const std::string* tiff = files_.Find(camera.vignetting)) {
@@ -287,17 +300,9 @@ void AddReport(const std::filesystem::path& out, const Run& run, SessionCalibrat
 }
 
 std::string AccuracyLines(const std::filesystem::path& out, const SessionCalibration& calibration) {
-  const CameraFiles files = FilesOf(out, calibration);
-  std::vector<MicroLensVisibility> lenses;
-  for (const CalibratedCamera& camera : calibration.record.cameras) {
-    MicroLensVisibility& of_camera = lenses.emplace_back();
-    const std::string* csv = files.Find(camera.micro_lenses);
-    if (csv == nullptr) continue;
-    const MicroLensTable table(*csv, files.Path(camera.micro_lenses));
-    if (table.HasLattice()) of_camera = table.Visibility(camera.image_size);
-  }
   std::string text;
-  for (const RigAccuracy& accuracy : AccuracyInBrief(calibration.record, lenses)) {
+  for (const RigAccuracy& accuracy : AccuracyInBrief(
+           calibration.record, VisibilityOf(calibration.record, FilesOf(out, calibration)))) {
     // At the farthest marker.
     const auto at =
         std::ranges::min_element(accuracy.distances, {}, [](const AccuracyAtDistance& each) {

@@ -330,27 +330,27 @@ class Predictor {
       Add({.code = "accuracy_extrapolated",
            .grade = Grade::kUsable,
            .what = fmt::format(
-               "The farthest marker was {:.3g} m away: what is said of points beyond {:.3g} m "
-               "rests on the camera model alone.",
+               "The farthest marker was {:.3g} m away: figures beyond {:.3g} m rest on the "
+               "camera model alone.",
                farthest_,
                kExtrapolated * farthest_),
            .remedy = "Record the target farther away, or check a known length there "
                      "(plenocal triangulate --length)."});
     }
-    if (Has("residual_pattern")) {
+    const bool has_pattern = Has("residual_pattern");
+    if (has_pattern || Has("points_share_errors")) {
       Add({.code = "accuracy_model",
            .grade = Grade::kUsable,
            .what =
-               "The calibration has the finding residual_pattern: the camera model leaves errors that no "
-               "standard error contains, so that all figures are lower bounds.",
-           .remedy = "Try other camera models: plenocal try."});
-    } else if (Has("points_share_errors")) {
-      Add({.code = "accuracy_model",
-           .grade = Grade::kUsable,
-           .what =
-               "The calibration has the finding points_share_errors. Its standard errors are scaled for "
-               "that; if points to be measured share errors as well, their noise is a lower bound.",
-           .remedy = "See the calibration's verdict."});
+               has_pattern
+                   ? "The calibration has the finding residual_pattern: the camera model leaves "
+                     "errors that no standard error contains, so that all figures are lower "
+                     "bounds."
+                   : "The calibration has the finding points_share_errors. Its standard errors "
+                     "are scaled for that; if points to be measured share errors as well, "
+                     "their noise is a lower bound.",
+           .remedy = has_pattern ? "Try other camera models: plenocal try."
+                                 : "See the calibration's verdict."});
     }
     if (calibration_.jitter) {
       Add({.code = "accuracy_not_rigid",

@@ -24,8 +24,7 @@ namespace {
 
 // False-alarm rates of the tests of the standard errors and of a common scale.
 constexpr double kContradiction = 1e-3;
-// What VDI/VDE 2634 part 1 asks for, as a thesis of Universitaet Hannover reports it
-// (docs/space.md).
+// Requirements of VDI/VDE 2634 part 1 by a report on it (docs/space.md).
 constexpr int kFewestLines = 7, kFewestOnLine = 5;
 constexpr double kPartOfDiagonal = 2.0 / 3;
 

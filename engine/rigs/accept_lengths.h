@@ -54,7 +54,7 @@ struct AcceptedLength {
 struct Acceptance {
   std::vector<AcceptedLength> lengths;  ///< each of each frame that shows it
   bool passes = false;                  ///< all of them do
-  std::vector<std::string> lacks;       ///< what the guideline asks for more; empty: complete
+  std::vector<std::string> lacks;       ///< requirements of the guideline that are not met
   double largest = 0, rms = 0;          ///< of the deviations, m
   int lines = 0;
   Eigen::Vector3d volume{0, 0, 0};  ///< sides of the box around all ends in the rig's frame, m

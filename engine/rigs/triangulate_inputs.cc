@@ -82,7 +82,7 @@ class ImageMatches {
       const auto c = static_cast<size_t>(from - seen.begin());
       const cv::Point2f point(static_cast<float>(x), static_cast<float>(y));
       for (size_t k = 0; k < seen.size(); ++k) {
-        // The place itself says which point is meant.
+        // The picked place defines the point.
         constexpr double kExact = 1e-3;  // px
         PatchPlace place{.point = point, .sigma = kExact};
         if (k != c && !Match(c, point, k, &place)) {

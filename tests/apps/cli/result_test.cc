@@ -214,7 +214,7 @@ TEST_F(Results, SummaryNamesTheCommandForMoreImagesWhereTheyAreWanted) {
   EXPECT_THAT(outcome.out, HasSubstr("what to record next: plenocal suggest out\n"));
 }
 
-// A bar between two markers says that the print is 0.3 % larger than stated.
+// By a bar between two markers the print is 0.3 % larger than stated.
 TEST_F(Results, HaveTheSizeOfThePrintByAMeasuredDistance) {
   const SyntheticProblem problem = EasyProblem(2);
   const double length = 1.003 * (problem.markers.at(0) - problem.markers.at(69)).norm();

@@ -107,7 +107,7 @@ TEST_F(AccuracyCommand, TwoCalibrationsAreComparedInSpace) {
   EXPECT_THAT(outcome.out, HasSubstr("; predicted "));
   const Table rows(Read("compared/compare_space.csv"));
   ASSERT_EQ(rows.Rows(), 6U);
-  // The calibration is as far from the truth as its standard errors say.
+  // The calibration differs from the truth within its standard errors.
   const std::vector<double> rms = rows.Numbers("rms"), predicted = rows.Numbers("predicted"),
                             differs = rows.Numbers("differs");
   for (size_t i = 0; i < rms.size(); ++i) {

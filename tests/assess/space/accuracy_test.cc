@@ -92,8 +92,8 @@ TEST(Accuracy, ATurnAndABaseLengthMoveZAsGeometryHasIt) {
 }
 
 TEST(Accuracy, WhatIsKnownIsConditionedUponNotLeftOut) {
-  // c_x and f_x of the right camera correlate: to know the extrinsics changes nothing here, to know
-  // the intrinsics leaves the turn alone, to know the left ones leaves all of the right camera.
+  // c_x and f_x of the right camera correlate. With known intrinsics only the turn is left; with
+  // known extrinsics all but the turn.
   constexpr double kTurn = 1e-4;
   const CalibrationRecord record =
       ParallelPair({.sigma_f = 0.5, .sigma_turn = kTurn, .correlation = 0.8, .sigma_c = 0.3});

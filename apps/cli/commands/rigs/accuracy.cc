@@ -15,7 +15,6 @@ namespace {
 
 struct AccuracyArguments : AccuracyRequest {
   std::vector<std::string> pairs, noises;
-  std::string frame_name = "rig";
   bool json = false;
   std::filesystem::path out;
 };
@@ -42,7 +41,6 @@ void RunAccuracy(const AccuracyArguments& arguments, Console* console) {
     request.sets.push_back(CLI::detail::split(word, ','));
   }
   for (const std::string& word : arguments.noises) AddNoise(word, &request);
-  request.frame = arguments.frame_name == "housing" ? SpaceFrame::kHousing : SpaceFrame::kRig;
   const RunScope inputs;
   const std::unique_ptr<OutputFolder> out = OpenOutput(arguments.out);
   const std::vector<RigAccuracy> accuracies = PredictAccuracy(request, console->NewRun());
@@ -84,12 +82,7 @@ void DeclareAccuracy(CLI::App* app, AccuracyArguments* arguments, ConsoleOptions
   app->add_option("--bar", arguments->bar, "length whose sigma is stated, m")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app->add_option("--frame",
-                  arguments->frame_name,
-                  "errors in the first camera's frame, or less the motion that the calibration's "
-                  "own points follow")
-      ->check(CLI::IsMember({"rig", "housing"}))
-      ->capture_default_str();
+  AddSpaceFrame(app, &arguments->frame);
   AddJson(app, &arguments->json);
   app->add_option("-o,--out", arguments->out, "folder for the results");
   AddThreadsAndQuiet(app, shared);

@@ -11,7 +11,6 @@ namespace {
 
 struct TriangulateArguments : TriangulateRequest {
   std::vector<std::string> given;  // CAMERA=FILE, or a session
-  std::string frame_name = "rig";
   std::vector<std::string> places, length, angle, plane;
   bool json = false;
 };
@@ -51,7 +50,6 @@ PickedPoint PlaceOf(const std::string& word) {
 TriangulateRequest RequestOf(const TriangulateArguments& arguments) {
   TriangulateRequest request = arguments;
   for (const std::string& word : arguments.places) request.at.push_back(PlaceOf(word));
-  request.frame = arguments.frame_name == "housing" ? SpaceFrame::kHousing : SpaceFrame::kRig;
   request.lengths = PositionsOf(arguments.length, "--length");
   request.angles = PositionsOf(arguments.angle, "--angle");
   request.planes = PositionsOf(arguments.plane, "--plane");
@@ -94,12 +92,7 @@ void DeclareTriangulate(CLI::App* app, TriangulateArguments* arguments, ConsoleO
   app->add_option("--angle", arguments->angle, "three points, the second is the corner: 1,2,3");
   app->add_option("--plane", arguments->plane, "three points or more: 1,2,3,7");
   app->add_flag("--all-lengths", arguments->all_lengths, "between all points of a frame");
-  app->add_option("--frame",
-                  arguments->frame_name,
-                  "errors in the first camera's frame, or less the motion that the calibration's "
-                  "own points follow")
-      ->check(CLI::IsMember({"rig", "housing"}))
-      ->capture_default_str();
+  AddSpaceFrame(app, &arguments->frame);
   app->add_option(
          "--sigma", arguments->sigma, "noise of each coordinate, px (default: the calibration's)")
       ->check(CLI::PositiveNumber);
