@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/apps/space/simulated_pair.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -16,30 +17,15 @@ namespace TEST_FILE {
 using ::testing::HasSubstr;
 using Json = nlohmann::json;
 
-constexpr double kSize = 0.055, kPitch = 1.3 * kSize;  // m, of the tags
-
 class Accept : public Workspace {
  protected:
   void SetUp() override {
     Workspace::SetUp();
-    Write("board.yaml",
-          "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\n");
-    for (const auto& [name, seed, frames, nearest] :
-         {std::tuple{"set", 1, 12, 0.4}, {"new", 2, 3, 0.9}}) {
-      Write(
-          fmt::format("{}.yaml", name),
-          fmt::format("plenocal: 1\nseed: {}\ntarget: board.yaml\n"
-                      "poses: {{kind: varied, frames: {}, distance: [{}, 1.1], partial: 0}}\n"
-                      "cameras:\n"
-                      "  left: {{model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-                      "    parameters: {{f_x: 900, f_y: 901, c_x: 636, c_y: 483}}}}\n"
-                      "  right: {{model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-                      "    parameters: {{f_x: 905, f_y: 904, c_x: 641, c_y: 475}},\n"
-                      "    xi_camera_rig: [-0.12, 0.001, 0.002, 0.01, -0.02, 0.01]}}\n",
-                      seed,
-                      frames,
-                      nearest));
-      ASSERT_EQ(Run({"simulate", fmt::format("{}.yaml", name), "--points", "-o", name}).status, 0);
+    Write("board.yaml", kBoard);
+    Write("set.yaml", PairSpec(1, "frames: 12, distance: [0.4, 1.1], partial: 0"));
+    Write("new.yaml", PairSpec(2, "frames: 3, distance: [0.9, 1.1], partial: 0"));
+    for (const std::string name : {"set", "new"}) {
+      ASSERT_EQ(Run({"simulate", name + ".yaml", "--points", "-o", name}).status, 0);
     }
     ASSERT_EQ(Run({"calibrate", "set/session.yaml", "-o", "result", "--no-report"}).status, 0);
   }
@@ -53,7 +39,7 @@ class Accept : public Workspace {
       for (int k = 1; k < 6; ++k) {
         text += fmt::format("      - {{between: [tag 0, tag {}], length: {:.9f}, sigma: 3 um}}\n",
                             k * step,
-                            scale * k * kPitch);
+                            scale * k * kTagPitch);
       }
     }
     return text;

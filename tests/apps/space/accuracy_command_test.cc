@@ -12,6 +12,7 @@
 
 #include "calib/camera/rigid_transform.h"
 #include "tests/apps/calibration_schema.h"
+#include "tests/apps/space/simulated_pair.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -24,17 +25,8 @@ class AccuracyCommand : public Workspace {
  protected:
   void SetUp() override {
     Workspace::SetUp();
-    Write("board.yaml",
-          "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\n");
-    Write("spec.yaml",
-          "plenocal: 1\nseed: 3\ntarget: board.yaml\n"
-          "poses: {kind: varied, frames: 12, distance: [0.4, 1.0]}\n"
-          "cameras:\n"
-          "  left: {model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-          "    parameters: {f_x: 900, f_y: 901, c_x: 636, c_y: 483}}\n"
-          "  right: {model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-          "    parameters: {f_x: 905, f_y: 904, c_x: 641, c_y: 475},\n"
-          "    xi_camera_rig: [-0.12, 0.001, 0.002, 0.01, -0.02, 0.01]}\n");
+    Write("board.yaml", kBoard);
+    Write("spec.yaml", PairSpec(3, "frames: 12, distance: [0.4, 1.0]"));
     ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, 0);
     const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "result"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;

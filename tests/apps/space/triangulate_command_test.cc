@@ -12,6 +12,7 @@
 #include <tuple>
 #include <vector>
 
+#include "tests/apps/space/simulated_pair.h"
 #include "tests/apps/workspace.h"
 
 namespace plenocal::testing {
@@ -23,8 +24,7 @@ class Triangulate : public Workspace {
  protected:
   void SetUp() override {
     Workspace::SetUp();
-    Write("board.yaml",
-          "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\n");
+    Write("board.yaml", kBoard);
     for (const auto& [name, seed, frames] : {std::tuple{"set", 1, 12}, {"new", 2, 2}}) {
       Write(fmt::format("{}.yaml", name), Spec(seed, frames));
       ASSERT_EQ(Run({"simulate", fmt::format("{}.yaml", name), "--points", "-o", name}).status, 0);
@@ -33,22 +33,12 @@ class Triangulate : public Workspace {
   }
 
   [[nodiscard]] static std::string Spec(int seed, int frames) {
-    return fmt::format(
-        "plenocal: 1\nseed: {}\ntarget: board.yaml\n"
-        "poses: {{kind: varied, frames: {}, distance: [0.4, 1.0]}}\n"
-        "cameras:\n"
-        "  left: {{model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-        "    parameters: {{f_x: 900, f_y: 901, c_x: 636, c_y: 483}}}}\n"
-        "  right: {{model: pinhole, image_size: [1280, 960], detection_sigma: 0.1,\n"
-        "    parameters: {{f_x: 905, f_y: 904, c_x: 641, c_y: 475}},\n"
-        "    xi_camera_rig: [-0.12, 0.001, 0.002, 0.01, -0.02, 0.01]}}\n",
-        seed,
-        frames);
+    return PairSpec(seed, fmt::format("frames: {}, distance: [0.4, 1.0]", frames));
   }
 
   // Place of a marker on the board.
   [[nodiscard]] static Eigen::Vector2d Corner(int marker) {
-    constexpr double kSize = 0.055, kPitch = 1.3 * kSize;
+    constexpr double kSize = kTagSize, kPitch = kTagPitch;
     const int tag = marker / 4, k = marker % 4;
     return {kPitch * (tag % 6) + (k == 1 || k == 2 ? kSize : 0),
             kPitch * (tag / 6) + (k >= 2 ? kSize : 0)};
