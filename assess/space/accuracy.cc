@@ -138,8 +138,9 @@ class Predictor {
   [[nodiscard]] std::vector<double> Distances() const {
     if (!options_.distances.empty()) return options_.distances;
     if (!(farthest_ > 0)) {
-      throw InputError("{}: no marker shows which distances matter; give them: --distances 0.5,1,2",
-                       calibration_.path.string());
+      throw InputError(
+          "{}: has no residuals.csv, so that no distance of a marker is known; give --distances 0.5,1,2",
+          calibration_.path.string());
     }
     std::vector<double> distances{TwoDigits(nearest_)};
     for (const double times : {1, 2, 5, 10}) {
@@ -392,11 +393,11 @@ class Predictor {
     const AccuracyAtDistance at = AtFarthestMarker();
     const double half = at.sigma_z * at.sigma_z / 2;
     const auto words = [&](double part, const char* by) {
-      return fmt::format("At {:.3g} m sigma of z is {:.2g} mm, of which {} makes {:.2g} mm.",
+      return fmt::format("At {:.3g} m sigma of z is {} mm, of which {} makes {} mm.",
                          at.distance,
-                         1e3 * at.sigma_z,
+                         MillimetresText(at.sigma_z),
                          by,
-                         1e3 * part);
+                         MillimetresText(part));
     };
     if (at.z.noise * at.z.noise > half) {
       const double frames = std::pow(at.z.noise / at.z.calibration, 2);
@@ -458,6 +459,11 @@ std::vector<std::vector<std::string>> CameraSets(const CalibrationRecord& calibr
   }
   if (std::ranges::find(sets, all) == sets.end()) sets.push_back(all);
   return sets;
+}
+
+std::string MillimetresText(double metres) {
+  const double mm = 1e3 * metres;
+  return std::abs(mm) < 100 ? fmt::format("{:.2g}", mm) : fmt::format("{:.0f}", TwoDigits(mm));
 }
 
 std::string CamerasText(const std::vector<std::string>& cameras) {

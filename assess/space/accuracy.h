@@ -91,6 +91,8 @@ RigAccuracy PredictAccuracy(const CalibrationRecord& calibration,
 /// or the one ordinary camera.
 std::vector<std::vector<std::string>> CameraSets(const CalibrationRecord& calibration);
 
+/// A length in mm with two digits, without exponent: "0.31", "8500".
+std::string MillimetresText(double metres);
 /// "left + right".
 std::string CamerasText(const std::vector<std::string>& cameras);
 

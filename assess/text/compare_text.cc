@@ -202,12 +202,12 @@ std::string SpaceText(const SpaceComparison& comparison) {
     const std::string what = each.quantity == "bar"
                                  ? fmt::format("length of {:.4g} mm", 1e3 * comparison.bar)
                                  : (each.quantity == "z" ? "z" : "x, y");
-    text += fmt::format("  {} at {:.3g} m: {} {:.2g} mm RMS, at most {:.2g}",
+    text += fmt::format("  {} at {:.3g} m: {} {} mm RMS, at most {}",
                         CamerasText(each.cameras),
                         each.distance,
                         what,
-                        1e3 * each.rms,
-                        1e3 * each.largest);
+                        MillimetresText(each.rms),
+                        MillimetresText(each.largest));
     if (comparison.has_prediction) {
       text += fmt::format(
           "; predicted {:.2g}{}", 1e3 * each.predicted, each.differs ? ", so it differs" : "");

@@ -79,18 +79,19 @@ std::string AccuracyLine(const RigAccuracy& accuracy, const AccuracyAtDistance& 
       fmt::format("{} at {:.3g} m: ", CamerasText(accuracy.cameras), at.distance);
   if (at.cells.empty()) return place + "not in the image of all";
   const ErrorBudget& budget = accuracy.has_depth ? at.z : at.lateral;
-  std::string text = fmt::format("{}{} {:.2g} mm (noise {:.2g}, calibration {:.2g}",
-                                 place,
-                                 accuracy.has_depth ? "z" : "x, y",
-                                 1e3 * (accuracy.has_depth ? at.sigma_z : at.sigma_lateral),
-                                 1e3 * budget.noise,
-                                 1e3 * budget.calibration);
-  if (budget.scale > 0) text += fmt::format(", scale {:.2g}", 1e3 * budget.scale);
-  if (budget.jitter > 0) text += fmt::format(", jitter {:.2g}", 1e3 * budget.jitter);
+  std::string text =
+      fmt::format("{}{} {} mm (noise {}, calibration {}",
+                  place,
+                  accuracy.has_depth ? "z" : "x, y",
+                  MillimetresText(accuracy.has_depth ? at.sigma_z : at.sigma_lateral),
+                  MillimetresText(budget.noise),
+                  MillimetresText(budget.calibration));
+  if (budget.scale > 0) text += fmt::format(", scale {}", MillimetresText(budget.scale));
+  if (budget.jitter > 0) text += fmt::format(", jitter {}", MillimetresText(budget.jitter));
   text += ")";
   if (at.across) {
     text += fmt::format(
-        "; a length of {:.4g} mm across {:.2g} mm", 1e3 * accuracy.bar, 1e3 * *at.across);
+        "; a length of {:.4g} mm across {} mm", 1e3 * accuracy.bar, MillimetresText(*at.across));
   }
   return text;
 }
