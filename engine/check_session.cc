@@ -58,7 +58,8 @@ SessionCheck CheckSession(Session session,
   if (places.cache.empty()) places.cache = request.out;  // which keeps those of other sessions
   SessionCheck result;
   result.folders = std::make_unique<RunFolders>(
-      places, session, std::vector<std::string>{"compare.csv", "check.json", "difference.png"});
+      places, session, std::vector<std::string>{
+          "compare.csv", "compare_space.csv", "check.json", "difference.png"});
   const SessionObservations observations =
       CollectObservations(session, target, run, {result.folders->cache(), nullptr});
   result.check =
@@ -66,9 +67,12 @@ SessionCheck CheckSession(Session session,
                        MakeCalibrationInput(session, target, observations.cameras, run),
                        {.threads = run.threads,
                         .progress = [&](const std::string& stage) { return run.Progress(stage); }});
+  const CalibrationRecord fresh = Describe(result.check.fresh);
+  if (request.in_space) result.space = CompareInSpace(old, fresh, request);
   if (OutputFolder* const out = result.folders->out()) {
-    result.comparison = CompareCalibrations(Describe(result.check.fresh), old, request.distances);
+    result.comparison = CompareCalibrations(fresh, old, request.distances);
     out->Write("compare.csv", ComparisonCsv(*result.comparison));
+    if (result.space) out->Write("compare_space.csv", SpaceCsv(*result.space));
   }
   return result;
 }

@@ -26,6 +26,8 @@ struct SessionCheck {
   CalibrationCheck check;
   /// Of the new images' own calibration (a) with the old one (b), where there is a folder.
   std::optional<CalibrationComparison> comparison;
+  /// Of the old one (a) with the new images' own (b), where it is requested.
+  std::optional<SpaceComparison> space;
   std::unique_ptr<RunFolders> folders;  ///< with compare.csv, to be committed
 };
 

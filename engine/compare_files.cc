@@ -20,15 +20,19 @@ CalibrationComparison CompareFiles(const std::filesystem::path& a,
   CalibrationRecord of_b = OpenWithCorrelations(b);
   RenameCameras(by.map, NamesOf(of_a.cameras), &of_b);
   CalibrationComparison comparison = CompareCalibrations(of_a, of_b, by.distances);
-  if (!by.in_space) return comparison;
+  if (by.in_space) comparison.space = CompareInSpace(of_a, of_b, by);
+  return comparison;
+}
+
+SpaceComparison CompareInSpace(const CalibrationRecord& a,
+                               const CalibrationRecord& b,
+                               const ComparedBy& by) {
   std::vector<double> finite;
   std::ranges::copy_if(by.distances, std::back_inserter(finite), [](double distance) {
     return std::isfinite(distance);
   });
   if (finite.empty()) finite = {1};
-  comparison.space =
-      CompareInSpace(of_a, of_b, ReadVisibility(a.parent_path(), of_a), finite, by.bar);
-  return comparison;
+  return CompareInSpace(a, b, ReadVisibility(a.path.parent_path(), a), finite, by.bar);
 }
 
 }  // namespace plenocal

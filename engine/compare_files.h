@@ -20,6 +20,11 @@ struct ComparedBy {
   double bar = 0.1;               ///< length that is compared there, m
 };
 
+/// In space at the finite distances, or 1 m; micro images as in the folder of `a`.
+SpaceComparison CompareInSpace(const CalibrationRecord& a,
+                               const CalibrationRecord& b,
+                               const ComparedBy& by);
+
 /// Of two calibration.yaml. Throws `Error` of kind kInput for files that cannot be read or
 /// compared.
 CalibrationComparison CompareFiles(const std::filesystem::path& a,

@@ -63,7 +63,7 @@ class Predictor {
     made_.has_depth = names.size() > 1 || rig_.cameras[0].model->plenoptic;
     made_.open = rig_.open;
     for (size_t c = 0; c < names.size(); ++c) AddNoise(names[c], c);
-    if (rig_.unknowns.empty()) {
+    if (!rig_.has_errors) {
       throw InputError(
           "{}: has no standard errors (correlations.csv beside calibration.yaml), so that nothing "
           "can be predicted; give the folder that 'plenocal calibrate' wrote",
@@ -98,7 +98,8 @@ class Predictor {
   }
 
   void SetCovariances() {
-    C_ = rig_.root * rig_.root.transpose();
+    const Eigen::Index n = std::ssize(rig_.unknowns);
+    C_ = (rig_.root * rig_.root.transpose()).topLeftCorner(n, n);
     for (const auto& [name, scale] : calibration_.target_scales) {
       scale_sigma_ = std::max(scale_sigma_, scale.sigma);
     }
@@ -170,20 +171,19 @@ class Predictor {
       noise += row.dot(row * point->noise);
       by_theta += row * point->by_theta;
     }
-    const double all = Square(by_theta, C_);
+    const double all = Square(by_theta.head(C_.cols()), C_);
     ErrorBudget budget{.noise = std::sqrt(noise)};
     // An error of the target's size scales all of space.
     budget.scale = std::min(scale_sigma_ * std::abs(by_scale), std::sqrt(all));
     budget.calibration = std::sqrt(std::max(0.0, all - budget.scale * budget.scale));
-    if (!calibration_.jitter) return budget;
-    // Shifts of what a camera sees, alike for all points of an instant.
+    // Shifts of what a camera sees, alike for all points of an instant; not its turn, which depends
+    // on where they are.
     double square = 0;
-    for (size_t c = 0; c < rig_.cameras.size(); ++c) {
-      Eigen::RowVector3d by_shift = Eigen::RowVector3d::Zero();
-      for (const auto& [point, row] : by) by_shift += row * point->by_shift[c];
-      square += by_shift.squaredNorm();
+    for (Eigen::Index k = C_.cols(); k < by_theta.size(); k += 6) {
+      square += by_theta.segment<3>(k).squaredNorm();
     }
-    budget.jitter = calibration_.jitter->translation_sigma * std::sqrt(square);
+    if (calibration_.jitter)
+      budget.jitter = calibration_.jitter->translation_sigma * std::sqrt(square);
     return budget;
   }
 
@@ -210,7 +210,8 @@ class Predictor {
     cell.relative = BudgetOf({{&*error, radial}}).Sigma() / X.norm();
     const double others = std::hypot(cell.z.noise, cell.z.jitter);
     for (const Eigen::MatrixXd& C : C_if_known_) {
-      cell.z_if_known.push_back(std::hypot(others, std::sqrt(Square(error->by_theta.row(2), C))));
+      const Row by_theta = error->by_theta.row(2).head(C.cols());
+      cell.z_if_known.push_back(std::hypot(others, std::sqrt(Square(by_theta, C))));
     }
     return cell;
   }

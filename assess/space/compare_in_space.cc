@@ -36,9 +36,7 @@ class SetComparison {
         points_(a, names, rig_a_, lenses),
         grid_(rig_a_.cameras[0].image_size, kCells) {}
 
-  [[nodiscard]] bool HasPrediction() const {
-    return !rig_a_.unknowns.empty() || !rig_b_.unknowns.empty();
-  }
+  [[nodiscard]] bool HasPrediction() const { return rig_a_.has_errors || rig_b_.has_errors; }
 
   void Add(size_t distance, double z, double bar) {
     for (size_t cell = 0; cell < grid_.Cells(); ++cell) {
@@ -123,8 +121,9 @@ class SetComparison {
   }
 
   static Eigen::MatrixXd ByErrors(const Pair& pair) {
-    Eigen::MatrixXd by(3, pair.a.shared.cols() + pair.b.shared.cols());
-    by << -pair.a.shared, pair.b.shared;
+    const auto a = pair.a.ByCalibration(), b = pair.b.ByCalibration();
+    Eigen::MatrixXd by(3, a.cols() + b.cols());
+    by << -a, b;
     return by;
   }
 

@@ -41,7 +41,6 @@ Subset SubsetOf(const RigEstimate& rig,
   }
   const Eigen::Index size = std::ssize(subset.places);
   subset.rig.root = Eigen::MatrixXd::Identity(size, size);
-  subset.rig.first_shared.assign(cameras.size(), size);
   return subset;
 }
 

@@ -4,6 +4,7 @@
 
     bench/space PLENOCAL [--rigs 40] [--kinds pinhole fisheye spline plenoptic mixed far] [--first 0]
     PATH=/usr/bin:$PATH /usr/bin/python3 bench/space PLENOCAL mrcal       # beside mrcal's standard errors
+    bench/space PLENOCAL known                                           # `if_known` beside calibrations that know it
     bench/space PLENOCAL real                                            # scatter of real lengths
 
 Each rig is simulated by points, calibrated, and then triangulates 20 points of a second recording with other poses, in the
@@ -22,7 +23,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
-from accuracy import space_mrcal, space_real, try_simulated
+from accuracy import space_known, space_mrcal, space_real, try_simulated
 from accuracy.geometry import read_poses
 
 POINTS = 20
@@ -164,13 +165,13 @@ def one_rig(plenocal, place, kind, seed):
 
 def main():
     arguments = common.parser(__doc__, "plenocal")
-    arguments.add_argument("part", nargs="?", choices=["nees", "mrcal", "real"], default="nees")
+    arguments.add_argument("part", nargs="?", choices=["nees", "known", "mrcal", "real"], default="nees")
     arguments.add_argument("--rigs", type=int, default=40)
     arguments.add_argument("--first", type=int, default=0)
     arguments.add_argument("--kinds", nargs="+", default=["pinhole", "fisheye", "spline", "plenoptic", "mixed", "far"])
     arguments = arguments.parse_args()
     if arguments.part != "nees":
-        return {"mrcal": space_mrcal, "real": space_real}[arguments.part].run(arguments.plenocal)
+        return {"known": space_known, "mrcal": space_mrcal, "real": space_real}[arguments.part].run(arguments.plenocal)
     common.head("rigs", "number", "NEES / n", "by chance (99 %)", "of the calibration", "by chance (99 %)", "lengths",
                 "intervals of 95 % hold", "rays meet")
     for kind in arguments.kinds:

@@ -23,13 +23,15 @@ void SetSigmas(const std::vector<Part>& parts, Measured* measured) {
     noise += by.dot(point->noise * by);
     by_root += by.transpose() * point->shared;
   }
+  const Eigen::Index instant = parts[0].first->instant;
   measured->noise = std::sqrt(noise);
-  measured->calibration = by_root.norm();
+  measured->calibration = by_root.head(by_root.size() - instant).norm();
+  measured->jitter = by_root.tail(instant).norm();
 }
 
 }  // namespace
 
-double Measured::Sigma() const { return std::hypot(noise, calibration); }
+double Measured::Sigma() const { return std::hypot(noise, calibration, jitter); }
 
 Measured LengthOf(const SpacePoint& a, const SpacePoint& b) {
   const Eigen::Vector3d difference = a.position - b.position;
@@ -57,6 +59,7 @@ SpacePoint MeanOf(std::span<const SpacePoint* const> points) {
   const auto n = static_cast<double>(points.size());
   SpacePoint mean;
   mean.noise.setZero();
+  mean.instant = points[0]->instant;
   mean.shared = Eigen::MatrixXd::Zero(3, points[0]->shared.cols());
   for (const SpacePoint* point : points) {
     mean.position += point->position / n;

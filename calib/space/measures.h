@@ -13,8 +13,9 @@ namespace plenocal {
 struct Measured {
   double value = 0;        ///< m or rad
   double noise = 0;        ///< standard errors: by the points' noise,
-  double calibration = 0;  ///< by the calibration
-  double bias = 0;         ///< that noise and calibration add to a length in the mean; in `value`
+  double calibration = 0;  ///< by the calibration,
+  double jitter = 0;       ///< by cameras that do not expose at once
+  double bias = 0;         ///< that errors add to a length in the mean; in `value`
 
   [[nodiscard]] double Sigma() const;
 };

@@ -9,7 +9,8 @@ bool Differentiate(const SpaceRig& rig,
                    const SpaceObservation& seen,
                    const Eigen::Vector3d& p,
                    double h,
-                   PointDerivative* out) {
+                   PointDerivative* out,
+                   bool with_theta) {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const BundleCamera& camera = rig.cameras[seen.camera];
   const CameraModel& model = *camera.model;
@@ -20,29 +21,31 @@ bool Differentiate(const SpaceRig& rig,
   if (!(scale > 0)) return false;
   const Eigen::Vector3d rotated = camera.T_camera_rig.R * p;
   const Eigen::Vector3d at = (rotated + h * camera.T_camera_rig.t) / scale;
-  Rows by_params(rows, count), by_camera_point(rows, 3);
+  Rows by_params(rows, with_theta ? count : 0), by_camera_point(rows, 3);
   Eigen::VectorXd predicted(rows), by_h = Eigen::VectorXd::Zero(rows);
   if (!model.ProjectWithJacobian(camera.params.data(),
                                  camera.config.data(),
                                  seen.values.data(),
                                  at,
                                  {.predicted = predicted.data(),
-                                  .J_params = by_params.data(),
+                                  .J_params = with_theta ? by_params.data() : nullptr,
                                   .J_point = by_camera_point.data(),
                                   .J_h = by_h.data()},
                                  model.homogeneous ? h : 1)) {
     return false;
   }
   // Columns: displacements by one standard deviation of the prior of each size.
-  const Eigen::Index shared = std::ssize(seen.by_shared) / rows;
-  const Eigen::Map<const Rows> displaced(seen.by_shared.data(), rows, shared);
+  const Eigen::Index columns = std::ssize(seen.by_shared) / rows,
+                     shared = std::min<Eigen::Index>(columns, std::ssize(camera.nuisances));
+  const auto displaced =
+      Eigen::Map<const Rows>(seen.by_shared.data(), rows, columns).leftCols(shared);
   out->residual = Eigen::Map<const Eigen::VectorXd>(seen.values.data(), rows) - predicted;
-  const Eigen::Index stated = std::min<Eigen::Index>(shared, std::ssize(camera.nuisances));
-  out->residual -= displaced.leftCols(stated) *
-                   Eigen::Map<const Eigen::VectorXd>(camera.params.data() + count, stated);
+  out->residual -=
+      displaced * Eigen::Map<const Eigen::VectorXd>(camera.params.data() + count, shared);
   out->by_point = by_camera_point * camera.T_camera_rig.R / scale;
   out->by_h = by_h + by_camera_point * camera.T_camera_rig.t / scale;
   if (!model.homogeneous) out->by_h -= by_camera_point * at / scale;
+  if (!with_theta) return true;
   out->by_theta = Eigen::MatrixXd::Zero(rows, rig.Size());
   // The chart turns the point about the camera's centre and shifts it (`Retract`).
   const Eigen::Matrix3d turned = -Hat(rotated / scale);
@@ -61,8 +64,12 @@ bool Differentiate(const SpaceRig& rig,
       column = by_camera_point * turned.col(unknown.component - 3);
     }
   }
-  out->by_theta.middleCols(rig.first_shared[seen.camera], shared - stated) =
-      displaced.rightCols(shared - stated);
+  if (rig.instant > 0) {
+    Eigen::Matrix<double, 3, 6> moved;
+    moved << h * Eigen::Matrix3d::Identity(), -Hat(p - h * rig.centre);
+    out->by_theta.middleCols(rig.Size() - rig.instant + 6 * static_cast<Eigen::Index>(seen.camera),
+                             6) = by_camera_point * camera.T_camera_rig.R * moved / scale;
+  }
   return true;
 }
 

@@ -17,11 +17,13 @@ struct PointDerivative {
   Eigen::MatrixXd by_theta;  ///< measured x `SpaceRig::Size`
 };
 
-/// The image of the point p / h of the rig's frame. False outside the model's domain.
+/// The image of the point p / h of the rig's frame. False outside the model's domain. `with_theta`:
+/// else no `by_theta` is made.
 bool Differentiate(const SpaceRig& rig,
                    const SpaceObservation& seen,
                    const Eigen::Vector3d& p,
                    double h,
-                   PointDerivative* out);
+                   PointDerivative* out,
+                   bool with_theta = true);
 
 }  // namespace plenocal

@@ -10,8 +10,8 @@
 #include <optional>
 
 #include "calib/base/linear_algebra.h"
-#include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
+#include "calib/space/common_errors.h"
 #include "calib/space/point_derivative.h"
 
 namespace plenocal {
@@ -19,25 +19,22 @@ namespace {
 
 using Observations = std::span<const SpaceObservation>;
 
-struct RigRay {
-  Eigen::Vector3d origin, direction;  // in the rig's frame
-};
-
-std::optional<RigRay> RayOf(const SpaceRig& rig, const SpaceObservation& seen) {
+// In the rig's frame.
+std::optional<Ray> RayOf(const SpaceRig& rig, const SpaceObservation& seen) {
   const BundleCamera& camera = rig.cameras[seen.camera];
   const std::optional<Ray> ray = Unproject(camera, seen.values.data());
   if (!ray) return std::nullopt;
   const RigidTransform T_rig_camera = camera.T_camera_rig.Inverse();
-  return RigRay{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
+  return Ray{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
 }
 
 // The point nearest to the rays, also one at infinity: the sum of |(I - d d') (m + rho (o - p))|^2
 // over rays p + l d is least for |m| = 1.
-void Start(const std::vector<RigRay>& rays, SpacePoint* point) {
+void Start(const std::vector<Ray>& rays, SpacePoint* point) {
   Eigen::Matrix3d by_m = Eigen::Matrix3d::Zero();
   Eigen::Vector3d by_both = Eigen::Vector3d::Zero();
   double by_rho = 0;
-  for (const RigRay& ray : rays) {
+  for (const Ray& ray : rays) {
     const Eigen::Matrix3d across =
         Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
     const Eigen::Vector3d b = across * (point->o - ray.origin);
@@ -100,15 +97,20 @@ Eigen::MatrixXd Whitening(const SpaceRig& rig, Observations seen) {
   return lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n));
 }
 
-// `seen` is in the order of cameras. Nothing outside a model's domain.
-std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const Place& place) {
+// `seen` is in the order of cameras. Nothing outside a model's domain. Without derivatives by theta
+// unless `with_theta`.
+std::optional<Whitened> Linearise(const SpaceRig& rig,
+                                  Observations seen,
+                                  const Place& place,
+                                  bool with_theta) {
   std::vector<PointDerivative> each(seen.size());
   Eigen::Index rows = 0;
   for (size_t i = 0; i < seen.size(); ++i) {
-    if (!Differentiate(rig, seen[i], place.p, place.h, &each[i])) return std::nullopt;
+    if (!Differentiate(rig, seen[i], place.p, place.h, &each[i], with_theta)) return std::nullopt;
     rows += each[i].residual.size();
   }
-  Whitened all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 3), Eigen::MatrixXd(rows, rig.Size())};
+  const Eigen::Index thetas = with_theta ? rig.Size() : 0;
+  Whitened all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 3), Eigen::MatrixXd(rows, thetas)};
   Eigen::Index row = 0;
   for (size_t begin = 0, end = 0; begin < seen.size(); begin = end) {
     while (end < seen.size() && (rig.correlation != 0 || seen[end].camera == seen[begin].camera)) {
@@ -118,13 +120,13 @@ std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const 
     const Eigen::MatrixXd root = Whitening(rig, seen.subspan(begin, end - begin));
     for (Eigen::Index k = 0; k < each[begin].residual.size(); ++k) {
       Eigen::VectorXd residual(n);
-      Eigen::MatrixXd by_point(n, 3), by_theta(n, rig.Size());
+      Eigen::MatrixXd by_point(n, 3), by_theta(n, thetas);
       for (Eigen::Index i = 0; i < n; ++i) {
         const PointDerivative& one = each[begin + static_cast<size_t>(i)];
         residual[i] = one.residual[k];
         by_point.row(i) =
             one.by_point.row(k) * place.by.topRows<3>() + one.by_h[k] * place.by.row(3);
-        by_theta.row(i) = one.by_theta.row(k);
+        if (with_theta) by_theta.row(i) = one.by_theta.row(k);
       }
       all.residual.segment(row, n) = root * residual;
       all.by_point.middleRows(row, n) = root * by_point;
@@ -135,16 +137,14 @@ std::optional<Whitened> Linearise(const SpaceRig& rig, Observations seen, const 
   return all;
 }
 
-double CostOf(const SpaceRig& rig, Observations seen, const SpacePoint& point) {
-  const std::optional<Whitened> all = Linearise(rig, seen, PlaceOf(point));
-  return all ? all->residual.squaredNorm() : std::numeric_limits<double>::infinity();
-}
-
 // Steps of Gauss and Newton, halved where the likelihood does not grow.
 std::optional<Whitened> Maximise(const SpaceRig& rig, Observations seen, SpacePoint* point) {
   constexpr int kSteps = 20, kHalvings = 10;
   constexpr double kSmall = 1e-4;  // of a standard error; undistortion is exact to less
-  std::optional<Whitened> at = Linearise(rig, seen, PlaceOf(*point));
+  const auto at_point = [&](const SpacePoint& at, bool with_theta) {
+    return Linearise(rig, seen, PlaceOf(at), with_theta);
+  };
+  std::optional<Whitened> at = at_point(*point, false);
   for (int i = 0; at && i < kSteps; ++i) {
     const Eigen::Matrix3d H = at->by_point.transpose() * at->by_point;
     Eigen::Vector3d step =
@@ -152,19 +152,21 @@ std::optional<Whitened> Maximise(const SpaceRig& rig, Observations seen, SpacePo
     if (!step.allFinite()) return std::nullopt;
     const bool is_last = step.dot(H * step) < kSmall * kSmall;
     const double cost = at->residual.squaredNorm();
-    SpacePoint next = *point;
-    for (int k = 0; k < kHalvings; ++k, step /= 2) {
+    std::optional<Whitened> better;
+    for (int k = 0; !better && k < kHalvings; ++k, step /= 2) {
+      SpacePoint next = *point;
       const Eigen::Vector3d m = point->m + Across(point->m) * step.head<2>();
       next.m = m.normalized();
       next.rho = (point->rho + step.z()) / m.norm();
-      if (CostOf(rig, seen, next) <= cost * (1 + 1e-12)) break;
+      better = at_point(next, false);
+      if (better && !(better->residual.squaredNorm() <= cost * (1 + 1e-12))) better.reset();
+      if (better) *point = next;
     }
-    if (!(CostOf(rig, seen, next) <= cost * (1 + 1e-12))) return is_last ? at : std::nullopt;
-    *point = next;
-    at = Linearise(rig, seen, PlaceOf(*point));
+    if (!better && !is_last) return std::nullopt;
+    if (better) at = std::move(better);
     if (is_last) break;
   }
-  return at;
+  return at ? at_point(*point, true) : std::nullopt;
 }
 
 // Takes out of a derivative by theta the rigid motion that the calibration's own points follow.
@@ -183,8 +185,23 @@ Eigen::Matrix3d ByInverseDepth(const SpacePoint& point) {
 
 }  // namespace
 
+std::optional<NearestPoint> NearestToRays(std::span<const Ray> rays) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const Ray& ray : rays) {
+    const Eigen::Matrix3d across =
+        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+    A += across;
+    b += across * ray.origin;
+  }
+  const NearestPoint point{SolveSymmetric(A, b),
+                           DecomposeSymmetric(A).values[0] / static_cast<double>(rays.size())};
+  return point.position.allFinite() ? std::optional(point) : std::nullopt;
+}
+
 SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen, SpaceFrame frame) {
   SpacePoint point;
+  point.instant = rig.instant;
   point.observations = static_cast<int>(seen.size());
   const auto without = [&](const char* reason) {
     point.reason = reason;
@@ -192,9 +209,9 @@ SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen,
   };
   std::vector<SpaceObservation> ordered(seen.begin(), seen.end());
   std::ranges::stable_sort(ordered, {}, &SpaceObservation::camera);
-  std::vector<RigRay> rays;
+  std::vector<Ray> rays;
   for (const SpaceObservation& each : ordered) {
-    const std::optional<RigRay> ray = RayOf(rig, each);
+    const std::optional<Ray> ray = RayOf(rig, each);
     if (!ray) return without("a place that the camera does not image");
     rays.push_back(*ray);
     point.o += ray->origin / static_cast<double>(seen.size());
@@ -233,11 +250,11 @@ SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen,
   double square = 0;
   PointDerivative at;
   for (const SpaceObservation& each : ordered) {
-    Differentiate(rig, each, point.rho * point.o + point.m, point.rho, &at);
+    Differentiate(rig, each, point.rho * point.o + point.m, point.rho, &at, false);
     square += at.residual.squaredNorm();
   }
   point.rms = std::sqrt(square / static_cast<double>(seen.size()));
-  const RaysTest test = RaysMeet({&point, 1});
+  const RaysTest test = CommonErrors({&point, 1}).Test();
   point.chi_square = test.chi_square;
   point.degrees = test.degrees;
   point.probability = test.probability;
@@ -251,54 +268,18 @@ std::optional<PointError> ErrorAt(const SpaceRig& rig,
                                   bool z_is_known) {
   Place place{X, 1, {}};
   place.by << Eigen::Matrix3d::Identity(), Eigen::RowVector3d::Zero();
-  const std::optional<Whitened> all = Linearise(rig, seen, place);
+  const std::optional<Whitened> all = Linearise(rig, seen, place, true);
   if (!all) return std::nullopt;
   const Eigen::Index free = z_is_known ? 2 : 3;
   const auto J = all->by_point.leftCols(free);
   const Eigen::MatrixXd noise = SolveSymmetric(Eigen::MatrixXd(J.transpose() * J),
                                                Eigen::MatrixXd::Identity(free, free).eval());
   if (!noise.allFinite() || noise.diagonal().minCoeff() <= 0) return std::nullopt;
-  PointError error{Eigen::Matrix3d::Zero(),
-                   Eigen::MatrixXd::Zero(3, rig.Size()),
-                   std::vector<Eigen::Matrix3d>(rig.cameras.size(), Eigen::Matrix3d::Zero())};
+  PointError error{Eigen::Matrix3d::Zero(), Eigen::MatrixXd::Zero(3, rig.Size())};
   error.noise.topLeftCorner(free, free) = noise;
   error.by_theta.topRows(free) = -noise * (J.transpose() * all->by_theta);
   if (frame == SpaceFrame::kHousing) HoldHousing(rig, X, &error.by_theta);
-  Eigen::Index row = 0;
-  for (size_t begin = 0, end = 0; begin < seen.size(); begin = end) {
-    const size_t camera = seen[begin].camera;
-    while (end < seen.size() && seen[end].camera == camera) ++end;
-    const Eigen::Index rows = static_cast<Eigen::Index>(end - begin) *
-                              static_cast<Eigen::Index>(rig.cameras[camera].model->measured.size());
-    error.by_shift[camera].topRows(free) =
-        noise * J.middleRows(row, rows).transpose() * all->by_point.middleRows(row, rows);
-    row += rows;
-  }
   return error;
-}
-
-RaysTest RaysMeet(std::span<const SpacePoint> points) {
-  // z' (I + B B')^-1 z = z' z - (B' z)' (I + B' B)^-1 (B' z)
-  RaysTest test;
-  Eigen::MatrixXd normal;
-  Eigen::VectorXd mixed;
-  for (const SpacePoint& point : points) {
-    if (!point.IsFound()) continue;
-    const Eigen::MatrixXd& B = point.misses_by_calibration;
-    if (normal.size() == 0) {
-      normal = Eigen::MatrixXd::Identity(B.cols(), B.cols());
-      mixed = Eigen::VectorXd::Zero(B.cols());
-    }
-    normal += B.transpose() * B;
-    mixed += B.transpose() * point.misses;
-    test.chi_square += point.misses.squaredNorm();
-    test.degrees += static_cast<int>(point.misses.size());
-  }
-  if (test.degrees == 0) return test;
-  if (normal.size() > 0) test.chi_square -= mixed.dot(normal.llt().solve(mixed));
-  test.chi_square = std::max(0.0, test.chi_square);
-  test.probability = ChiSquareTail(test.degrees, test.chi_square);
-  return test;
 }
 
 DistanceInterval DistanceOf(const SpacePoint& point, double sigmas) {

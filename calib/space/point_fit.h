@@ -16,6 +16,14 @@
 
 namespace plenocal {
 
+/// The point with the smallest sum of squared distances from rays: a start, no estimate.
+struct NearestPoint {
+  Eigen::Vector3d position;
+  double spread = 0;  ///< about the squared sine of the parallax
+};
+/// Nothing for parallel rays.
+std::optional<NearestPoint> NearestToRays(std::span<const Ray> rays);
+
 /// One measurement of a point.
 struct SpaceObservation {
   size_t camera = 0;
@@ -40,20 +48,24 @@ struct SpacePoint {
   double sigma_rho = 0;                    ///< 1 / m, by noise and calibration
   Eigen::Matrix3d noise{};                 ///< covariance of X by noise, m^2
   /// Root of the calibration's covariance of X, m: rows x, y, z, columns as `SpaceRig::root`. Two
-  /// points' common covariance is the product of their roots.
+  /// points' common covariance is the product of their roots; of points of different frames without
+  /// the last `instant` columns, those of the frame's jitter.
   Eigen::MatrixXd shared;
+  Eigen::Index instant = 0;
   int observations = 0;
   double rms = 0;         ///< of the residual vector's length, px
   double chi_square = 0;  ///< of the residuals, by noise and calibration
   int degrees = 0;
   double probability = 1;  ///< of a larger one
   /// Residuals less what the point absorbs, in units of their noise, and their derivative by the
-  /// columns of `shared`: what `RaysMeet` sums.
+  /// columns of `shared`: what `CommonErrors` sums.
   Eigen::VectorXd misses;
   Eigen::MatrixXd misses_by_calibration;
 
   [[nodiscard]] bool IsFound() const { return reason.empty(); }
   [[nodiscard]] Eigen::Matrix3d Covariance() const { return noise + shared * shared.transpose(); }
+  [[nodiscard]] auto ByCalibration() const { return shared.leftCols(shared.cols() - instant); }
+  [[nodiscard]] auto ByJitter() const { return shared.rightCols(instant); }
 };
 
 /// The point that all observations see. A start by least squares of the distances from the rays is
@@ -66,8 +78,6 @@ SpacePoint FitPoint(const SpaceRig& rig,
 struct PointError {
   Eigen::Matrix3d noise;     ///< covariance of X by their noise, m^2
   Eigen::MatrixXd by_theta;  ///< derivative of X, 3 x theta
-  /// By camera of the rig: derivative of X by a shift of what this camera alone sees, 1.
-  std::vector<Eigen::Matrix3d> by_shift;
 };
 
 /// Of the point X, m, of the rig's frame. `seen`: cameras in their order, contexts and sigmas; the
@@ -79,15 +89,6 @@ std::optional<PointError> ErrorAt(const SpaceRig& rig,
                                   const Eigen::Vector3d& X,
                                   SpaceFrame frame,
                                   bool z_is_known = false);
-
-/// Whether the rays of all points together meet, given the errors of the one calibration that they
-/// share: single points may each meet while all show the same error.
-struct RaysTest {
-  double chi_square = 0;
-  int degrees = 0;
-  double probability = 1;
-};
-RaysTest RaysMeet(std::span<const SpacePoint> points);
 
 /// The interval of a distance 1 / rho, m: symmetric in rho, since the distance of a far point has
 /// neither mean nor variance. The upper end is infinite where rho is not above `sigmas` of its

@@ -125,10 +125,15 @@ Json CalibrationJson(const CalibrationRecord& record) {
     cameras[record.cameras[c].name] = CameraJson(record.cameras[c], c, record.correlations);
   }
   const Verdict verdict = record.verdict ? *record.verdict : Judge(record);
-  return {{"verdict", VerdictJson(verdict)},
-          {"headline", Headline(verdict)},
-          {"cameras", cameras},
-          {"frames", record.frames.size()}};
+  Json json{{"verdict", VerdictJson(verdict)},
+            {"headline", Headline(verdict)},
+            {"cameras", cameras},
+            {"frames", record.frames.size()}};
+  for (const auto& [name, scale] : record.target_scales) {
+    json["target_scale"][name] = {{"value", AsInFile(scale.value)},
+                                  {"sigma", AsInFile(scale.sigma)}};
+  }
+  return json;
 }
 
 Json SpaceJson(const CalibrationRecord& record) {

@@ -1,33 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/virtual_image.h"
 
-#include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
 #include <vector>
 
 #include "calib/base/format_error.h"
 #include "calib/base/invert_map.h"
 #include "calib/camera/rays.h"
+#include "calib/space/point_fit.h"
 
 namespace plenocal {
-namespace {
-
-/// The point with the smallest sum of squared distances from the rays.
-std::optional<Eigen::Vector3d> Meeting(std::span<const Ray> rays) {
-  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  for (const Ray& ray : rays) {
-    const Eigen::Matrix3d across =
-        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
-    A += across;
-    b += across * ray.origin;
-  }
-  const Eigen::LDLT<Eigen::Matrix3d> solver(A);
-  if (!(solver.rcond() > 1e-14)) return std::nullopt;
-  return solver.solve(b);
-}
-
-}  // namespace
 
 VirtualImage::VirtualImage(const CalibratedCamera& camera) : camera_(camera) {
   if (camera.model->measured.size() != 2 || camera.model->context.size() != 2) {
@@ -44,9 +27,9 @@ VirtualImage::VirtualImage(const CalibratedCamera& camera) : camera_(camera) {
       if (const auto ray = RayOf(q, q)) rays.push_back(*ray);
     }
   }
-  const auto centre = Meeting(rays);
+  const auto centre = NearestToRays(rays);
   if (!centre) fail();
-  centre_ = *centre;
+  centre_ = centre->position;
 
   // The optical axis, by the scale in the middle of the image.
   c_ = size / 2;
@@ -102,9 +85,9 @@ std::optional<Eigen::Vector3d> VirtualImage::Point(const Eigen::Vector2d& q,
   };
   const auto a = through(q - reach), b = through(q + reach);
   if (!a || !b) return std::nullopt;
-  const auto meeting = Meeting(std::array{*a, *b});
+  const auto meeting = NearestToRays(std::array{*a, *b});
   if (!meeting) return std::nullopt;
-  const Eigen::Vector3d p = *meeting - centre_;
+  const Eigen::Vector3d p = meeting->position - centre_;
   if (!(p.z() > 0) || !p.allFinite()) return std::nullopt;
   return p;
 }

@@ -17,6 +17,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/base/statistics.h"
 #include "calib/io/yaml.h"
+#include "calib/space/congruent_points.h"
 #include "engine/json/calibration_json.h"
 
 namespace plenocal {
@@ -55,11 +56,12 @@ struct Row {
   std::array<Eigen::Vector3d, 2> ends;
 };
 
-// Covariance of all lengths: noise of common points, the calibration's error, that of a reference.
+// Covariance of all lengths: noise of common points, the calibration's error, the jitter of a
+// frame, the error of a reference.
 Eigen::MatrixXd CovarianceOf(const AcceptanceTest& test, const std::vector<Row>& rows) {
   const Eigen::Index n = std::ssize(rows);
-  Eigen::MatrixXd root(n, rows[0].by[0].first->shared.cols());
-  root.setZero();
+  const SpacePoint& first = *rows[0].by[0].first;
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, first.shared.cols());
   std::map<const SpacePoint*, std::vector<std::pair<Eigen::Index, Eigen::RowVector3d>>> by_point;
   for (Eigen::Index i = 0; i < n; ++i) {
     for (const auto& [point, by] : rows[static_cast<size_t>(i)].by) {
@@ -67,7 +69,9 @@ Eigen::MatrixXd CovarianceOf(const AcceptanceTest& test, const std::vector<Row>&
       by_point[point].emplace_back(i, by);
     }
   }
-  Eigen::MatrixXd covariance = root * root.transpose();
+  const auto calibration = root.leftCols(root.cols() - first.instant);
+  const auto jitter = root.rightCols(first.instant);
+  Eigen::MatrixXd covariance = calibration * calibration.transpose();
   for (const auto& [point, lengths] : by_point) {
     for (const auto& [i, by_i] : lengths) {
       for (const auto& [j, by_j] : lengths) covariance(i, j) += by_i.dot(by_j * point->noise);
@@ -75,9 +79,11 @@ Eigen::MatrixXd CovarianceOf(const AcceptanceTest& test, const std::vector<Row>&
   }
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j < n; ++j) {
-      const size_t reference = rows[static_cast<size_t>(i)].reference;
-      if (reference != rows[static_cast<size_t>(j)].reference) continue;
-      covariance(i, j) += std::pow(test.lengths[reference].sigma, 2);
+      const Row &a = rows[static_cast<size_t>(i)], &b = rows[static_cast<size_t>(j)];
+      if (a.frame == b.frame) covariance(i, j) += jitter.row(i).dot(jitter.row(j));
+      if (a.reference == b.reference) {
+        covariance(i, j) += std::pow(test.lengths[a.reference].sigma, 2);
+      }
     }
   }
   return covariance;
@@ -91,6 +97,7 @@ class Test {
       if (!points_.contains(each.frame)) frames_.push_back(each.frame);
       points_[each.frame][each.marker] = &each.point;
     }
+    if (test.bundle) Bundle();
   }
 
   Acceptance Make() {
@@ -111,12 +118,27 @@ class Test {
   }
 
  private:
+  // One set of points in place of those of all frames.
+  void Bundle() {
+    std::vector<PointsOfFrame> frames;
+    for (const std::string& frame : frames_) frames.push_back(points_.at(frame));
+    together_ = AdjustCongruent(frames);
+    for (size_t f = 0; f < frames_.size(); ++f) {
+      if (together_.used[f]) continue;
+      made_.left_out.push_back(
+          fmt::format("{}: it has no three points in common with the others", frames_[f]));
+    }
+    frames_ = {"all"};
+    points_.clear();
+    for (const auto& [number, point] : together_.points) points_["all"][number] = &point;
+  }
+
   void Measure(size_t k) {
     const ReferenceLength& reference = test_.lengths[k];
     bool is_seen = false;
     for (const std::string& frame : frames_) {
       Row row{k, frame, {}, {}};
-      const std::map<int, const SpacePoint*>& points = points_.at(frame);
+      const PointsOfFrame& points = points_.at(frame);
       if (!Add(reference.a, points, 0, &row) || !Add(reference.b, points, 1, &row)) continue;
       is_seen = true;
       const Eigen::Vector3d difference = row.ends[0] - row.ends[1];
@@ -139,10 +161,7 @@ class Test {
   }
 
   // The mean of an end's points. False where one is not there. Weights stand in x of `by`.
-  static bool Add(const ScenePosition& end,
-                  const std::map<int, const SpacePoint*>& points,
-                  size_t which,
-                  Row* row) {
+  static bool Add(const ScenePosition& end, const PointsOfFrame& points, size_t which, Row* row) {
     const double weight = (which == 0 ? 1.0 : -1.0) / static_cast<double>(end.points.size());
     row->ends.at(which).setZero();
     for (const int number : end.points) {
@@ -244,7 +263,8 @@ class Test {
 
   const AcceptanceTest& test_;
   std::vector<std::string> frames_;
-  std::map<std::string, std::map<int, const SpacePoint*>> points_;
+  std::map<std::string, PointsOfFrame> points_;
+  CongruentPoints together_;
   std::vector<Row> rows_;  // parallel to the lengths
   Acceptance made_;
 };
@@ -265,7 +285,7 @@ double AcceptedLength::InSigmas() const {
 AcceptanceTest ReadAcceptanceTest(const std::filesystem::path& path) {
   const YamlNode root = YamlNode::ReadFile(path);
   root.CheckVersion();
-  root.CheckKeys({"plenocal", "limit", "decision", "temperature", "lines"});
+  root.CheckKeys({"plenocal", "limit", "decision", "mode", "temperature", "lines"});
   static constexpr std::array<std::string_view, 2> kRequired{"limit", "lines"};
   root.RequireKeys(kRequired,
                    "limit: {constant: 0.05 mm, per_metre: 0.05 mm}\n"
@@ -280,6 +300,12 @@ AcceptanceTest ReadAcceptanceTest(const std::filesystem::path& path) {
     test.guarded = decision->AsString() == "guarded";
     if (!test.guarded && decision->AsString() != "simple") {
       decision->Fail("expected guarded or simple, found '" + decision->AsString() + "'");
+    }
+  }
+  if (const auto mode = root.Find("mode")) {
+    test.bundle = mode->AsString() == "bundle";
+    if (!test.bundle && mode->AsString() != "single") {
+      mode->Fail("expected single or bundle, found '" + mode->AsString() + "'");
     }
   }
   const double expansion = ExpansionOf(root);

@@ -31,6 +31,7 @@ struct AcceptanceTest {
   double constant = 0, per_metre = 0;
   std::optional<double> at_most;
   bool guarded = true;  ///< the limit less two standard deviations of the reference length
+  bool bundle = false;  ///< all frames together, as the guideline has it; else each by itself
   std::vector<ReferenceLength> lengths;
 
   [[nodiscard]] double LimitOf(const ReferenceLength& length) const;

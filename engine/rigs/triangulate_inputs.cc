@@ -147,6 +147,15 @@ Triangulation TriangulatePoints(const Session& session,
                      session.path.string());
   }
   const SessionTargets targets = ReadSessionTargets(session);
+  for (const auto* sets : {&request.lengths, &request.angles, &request.planes}) {
+    for (const std::vector<ScenePosition>& ends : *sets) {
+      for (const ScenePosition& end : ends) {
+        if (targets.several.empty() && !HasPosition(targets.all, end)) {
+          throw InputError("{}: the target has no {}", session.path.string(), end.name);
+        }
+      }
+    }
+  }
   SessionOptions places;
   places.out = request.out;
   RunFolders folders(places, session, {"points.csv"});

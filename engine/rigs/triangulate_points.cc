@@ -10,6 +10,7 @@
 #include <iterator>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
@@ -42,6 +43,15 @@ class Job {
     CheckRequest();
     rig_ = MakeSpaceRig(calibration, made_.cameras, SharedCounts());
     rig_.correlation = request.correlation;
+    if (request.adjust && !rig_.has_errors) {
+      throw InputError("{}: has no standard errors, within which --adjust moves it", Name());
+    }
+    if (request.adjust && rig_.instant > 0) {
+      throw InputError(
+          "{}: the rig is not rigid, or its cameras are not synchronous (jitter): --adjust would "
+          "take the motion of single frames for an error of the calibration",
+          Name());
+    }
     made_.calibration = calibration.path.string();
     made_.correlation = request.correlation;
     made_.frame = request.frame;
@@ -54,6 +64,7 @@ class Job {
     FindPoints();
     CheckTables();
     Judge();
+    if (request_.adjust) Adjust();
     for (const std::string& frame : frames_) MeasureIn(frame);
     return std::move(made_);
   }
@@ -118,7 +129,7 @@ class Job {
     const auto warn = [&](const std::string& what) {
       run_.Warning(fmt::format("{}: {}", Name(), what));
     };
-    if (rig_.unknowns.empty()) {
+    if (!rig_.has_errors) {
       warn("no standard errors; those of points contain the noise of the images alone");
     } else if (made_.cameras.size() > 1 && calibration_.correlations.names.empty()) {
       warn(
@@ -154,12 +165,11 @@ class Job {
         }
       }
     }
-    std::vector<std::span<const SpaceObservation>> of_point;
     for (const std::string& frame : frames_) {
-      for (const auto& [marker, observations] : seen[frame]) {
+      for (auto& [marker, observations] : seen[frame]) {
         made_.points.push_back({.frame = frame, .marker = marker, .point = {}});
-        of_point.emplace_back(observations);
-        for (const SpaceObservation& each : observations) {
+        of_point_.push_back(std::move(observations));
+        for (const SpaceObservation& each : of_point_.back()) {
           if (each.sigma > 0) continue;
           throw InputError("camera '{}' has no noise in {}: state it with --sigma",
                            made_.cameras[each.camera],
@@ -173,9 +183,29 @@ class Job {
           "calibrate' wrote, in place of {}",
           Name());
     }
-    ParallelFor(of_point.size(), run_.threads, [&](size_t i) {
-      made_.points[i].point = FitPoint(rig_, of_point[i], request_.frame);
-    });
+    const auto fit = [&](const auto& rig_of) {
+      ParallelFor(of_point_.size(), run_.threads, [&](size_t i) {
+        const TriangulatedPoint& each = made_.points[i];
+        made_.points[i].point = FitPoint(rig_of(each.frame), of_point_[i], request_.frame);
+      });
+    };
+    fit([&](const std::string&) -> const SpaceRig& { return rig_; });
+    if (rig_.instant == 0) return;
+    // The jitter of a frame turns about the middle of its points.
+    std::map<std::string, SpaceRig> rigs;
+    for (const std::string& frame : frames_) {
+      std::vector<Eigen::Vector3d> positions;
+      for (const TriangulatedPoint& each : made_.points) {
+        if (each.frame == frame && each.point.IsFound() && each.point.rho > 0) {
+          positions.push_back(each.point.position);
+        }
+      }
+      SpaceRig& rig = rigs.emplace(frame, rig_).first->second;
+      for (const Eigen::Vector3d& position : positions) {
+        rig.centre += position / static_cast<double>(positions.size());
+      }
+    }
+    fit([&](const std::string& frame) -> const SpaceRig& { return rigs.at(frame); });
   }
 
   // Points of another camera are far from every ray.
@@ -209,7 +239,7 @@ class Job {
     const auto found = std::ranges::count_if(
         made_.points, [](const TriangulatedPoint& each) { return each.point.IsFound(); });
     const bool most_miss = 2 * std::ranges::count_if(made_.points, misses) > found;
-    std::vector<SpacePoint> used;
+    std::map<std::string, std::vector<SpacePoint>> used;
     for (TriangulatedPoint& each : made_.points) {
       std::string why = each.point.reason;
       if (!most_miss && misses(each)) {
@@ -219,7 +249,7 @@ class Job {
       }
       each.used = why.empty();
       if (each.used) {
-        used.push_back(each.point);
+        used[each.frame].push_back(each.point);
       } else {
         made_.left_out.push_back({.where = each.Place(), .reason = why, .frame = each.frame});
       }
@@ -229,7 +259,9 @@ class Job {
           made_.left_out.empty() ? "" : fmt::format("; {}", made_.left_out[0].reason);
       throw JobError("no point is seen by two rays that meet{}", why);
     }
-    made_.rays = RaysMeet(used);
+    CommonErrors common;
+    for (const auto& [frame, points] : used) common.Add(CommonErrors(points));
+    made_.rays = common.Test();
     if (made_.rays.probability >= kContradiction) return;
     made_.findings.push_back(
         {.code = "rays_contradict_calibration",
@@ -243,6 +275,33 @@ class Job {
                              made_.rays.degrees),
          .remedy = "A camera has moved or its focus has changed since, or the noise is larger: "
                    "test the calibration with 'plenocal compare --check', state --sigma."});
+  }
+
+  // The calibration follows the rays of all used points, and these follow it.
+  void Adjust() {
+    std::vector<std::vector<SpaceObservation>> of_used;
+    for (size_t i = 0; i < of_point_.size(); ++i) {
+      if (made_.points[i].used) of_used.push_back(of_point_[i]);
+    }
+    AdjustedRig adjusted = AdjustedTo(rig_, of_used, run_.threads);
+    const SpaceRig before = std::exchange(rig_, std::move(adjusted.rig));
+    ParallelFor(of_point_.size(), run_.threads, [&](size_t i) {
+      TriangulatedPoint& each = made_.points[i];
+      if (!each.used) return;
+      SpacePoint point = FitPoint(rig_, of_point_[i], request_.frame);
+      // The test of its rays is that by the calibration as it was.
+      point.chi_square = each.point.chi_square;
+      point.probability = each.point.probability;
+      each.point = std::move(point);
+      each.used = each.point.IsFound();
+    });
+    for (size_t i = 0; i < rig_.unknowns.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      made_.adjusted.push_back({.name = NameOfUnknown(rig_, i),
+                                .change = adjusted.change[row],
+                                .sigma_before = before.root.row(row).norm(),
+                                .sigma = rig_.root.row(row).norm()});
+    }
   }
 
   // Calls measure(points) where the frame has all of them.
@@ -308,6 +367,7 @@ class Job {
   const TriangulateRequest& request_;
   const Run& run_;
   std::vector<std::string> frames_;
+  std::vector<std::vector<SpaceObservation>> of_point_;  // parallel to the points
   SpaceRig rig_;
   Triangulation made_;
 };

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -16,6 +17,7 @@
 #include "calib/files/scene_keys.h"
 #include "calib/files/session.h"
 #include "calib/io/output_folder.h"
+#include "calib/space/common_errors.h"
 #include "calib/space/measures.h"
 #include "calib/space/point_fit.h"
 
@@ -44,6 +46,7 @@ struct TriangulateRequest {
   std::optional<double> sigma;  ///< of each coordinate, px; not set: the calibration's noise
   /// Of the noise of one coordinate between two cameras, all ordinary; in (-1, 1).
   double correlation = 0;
+  bool adjust = false;  ///< the calibration too, as far as the points' rays determine it
   SpaceFrame frame = SpaceFrame::kRig;
   std::vector<std::vector<ScenePosition>> lengths, angles, planes;  ///< in each frame
   bool all_lengths = false;
@@ -66,6 +69,12 @@ struct TriangulatedMeasure {
   std::optional<MeasuredPlane> plane;
 };
 
+/// A number of the calibration that points adjusted.
+struct AdjustedNumber {
+  std::string name;  ///< as in correlations.csv
+  double change = 0, sigma_before = 0, sigma = 0;
+};
+
 struct Triangulation {
   std::vector<std::string> cameras;
   SpaceFrame frame = SpaceFrame::kRig;
@@ -74,7 +83,8 @@ struct Triangulation {
   double level = 0.95, sigmas = 0;  ///< of intervals, and half their width
   std::vector<TriangulatedPoint> points;
   std::vector<TriangulatedMeasure> measures;
-  RaysTest rays;                  ///< of all used points together
+  RaysTest rays;  ///< of all used points together
+  std::vector<AdjustedNumber> adjusted = {};
   std::vector<LeftOut> left_out;  ///< points and measures
   std::vector<Finding> findings;
 };
@@ -88,6 +98,8 @@ void WriteTriangulation(const Triangulation& made, OutputFolder* out);
 /// The same numbers: the keys of triangulation.yaml, and in place of the count the rows of
 /// `points`, `shared` and `measures` by the names of their columns; null where one is not finite.
 std::string TriangulationJson(const Triangulation& made);
+/// By name: `change`, `sigma_before`, `sigma`.
+nlohmann::ordered_json AdjustedJson(const std::vector<AdjustedNumber>& adjusted);
 /// A summary for a person, some lines.
 std::string TriangulationText(const Triangulation& made);
 

@@ -31,8 +31,13 @@ Table PointsTable(const Triangulation& made) {
       }
     }
   }
-  for (const char* name :
-       {"sigma_z_noise", "sigma_z_calibration", "rays", "rms", "probability", "used"}) {
+  for (const char* name : {"sigma_z_noise",
+                           "sigma_z_calibration",
+                           "sigma_z_jitter",
+                           "rays",
+                           "rms",
+                           "probability",
+                           "used"}) {
     table[0].emplace_back(name);
   }
   for (const TriangulatedPoint& each : made.points) {
@@ -52,7 +57,8 @@ Table PointsTable(const Triangulation& made) {
       }
     }
     row.push_back(Number(std::sqrt(point.noise(2, 2))));
-    row.push_back(Number(point.shared.row(2).norm()));
+    row.push_back(Number(point.ByCalibration().row(2).norm()));
+    row.push_back(Number(point.ByJitter().row(2).norm()));
     row.push_back(std::to_string(point.observations));
     row.push_back(Number(point.rms, 6));
     row.push_back(Number(point.probability, 6));
@@ -63,9 +69,12 @@ Table PointsTable(const Triangulation& made) {
 
 Table SharedTable(const Triangulation& made) {
   Table table{{"frame", "marker", "coordinate"}};
-  const auto columns = static_cast<int>(
-      std::ranges::find_if(made.points, &TriangulatedPoint::used)->point.shared.cols());
-  for (int k = 1; k <= columns; ++k) table[0].push_back(fmt::format("c_{}", k));
+  const SpacePoint& first = std::ranges::find_if(made.points, &TriangulatedPoint::used)->point;
+  const Eigen::Index of_calibration = first.ByCalibration().cols();
+  for (Eigen::Index k = 0; k < first.shared.cols(); ++k) {
+    table[0].push_back(k < of_calibration ? fmt::format("c_{}", k + 1)
+                                          : fmt::format("jitter_{}", k + 1 - of_calibration));
+  }
   for (const TriangulatedPoint& each : made.points) {
     if (!each.used) continue;
     for (Eigen::Index i = 0; i < 3; ++i) {
@@ -86,6 +95,7 @@ Table MeasuresTable(const Triangulation& made) {
                "sigma",
                "sigma_noise",
                "sigma_calibration",
+               "sigma_jitter",
                "bias",
                "low",
                "high",
@@ -102,6 +112,7 @@ Table MeasuresTable(const Triangulation& made) {
       for (const double value : {number.Sigma(),
                                  number.noise,
                                  number.calibration,
+                                 number.jitter,
                                  number.bias,
                                  number.value - reach,
                                  number.value + reach}) {
@@ -159,10 +170,22 @@ Json Summary(const Triangulation& made) {
           {"probability", number(made.rays.probability)},
           {"level", made.level},
           {"correlation", made.correlation},
+          {"adjusted", AdjustedJson(made.adjusted)},
           {"findings", VerdictJson({.findings = made.findings}).at("findings")}};
 }
 
 }  // namespace
+
+nlohmann::ordered_json AdjustedJson(const std::vector<AdjustedNumber>& adjusted) {
+  Json json = Json::object();
+  for (const AdjustedNumber& each : adjusted) {
+    const auto number = [](double value) { return Json::parse(Number(value)); };
+    json[each.name] = {{"change", number(each.change)},
+                       {"sigma_before", number(each.sigma_before)},
+                       {"sigma", number(each.sigma)}};
+  }
+  return json;
+}
 
 void WriteTriangulation(const Triangulation& made, OutputFolder* out) {
   out->Write("points.csv", Csv(PointsTable(made)));

@@ -16,6 +16,7 @@
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
+#include "calib/space/point_fit.h"
 
 namespace plenocal {
 namespace {
@@ -44,27 +45,12 @@ std::optional<Ray> RigRay(const Bundle& bundle, const BundleObservation& observa
   return Ray{T_rig_camera * ray->origin, T_rig_camera.R * ray->direction};
 }
 
-// Point nearest to all rays, with the smallest part of its information: the squared sine of the
-// parallax, about.
-struct RayPoint {
-  Eigen::Vector3d position;
-  double spread = 0;
-};
-
-std::optional<RayPoint> IntersectRays(const std::vector<Ray>& rays) {
-  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+// The point nearest to rays, before all of them.
+std::optional<NearestPoint> Before(const std::vector<Ray>& rays) {
+  const std::optional<NearestPoint> point = NearestToRays(rays);
+  if (!point) return std::nullopt;
   for (const Ray& ray : rays) {
-    const Eigen::Matrix3d across =
-        Eigen::Matrix3d::Identity() - ray.direction * ray.direction.transpose();
-    A += across;
-    b += across * ray.origin;
-  }
-  const RayPoint point{SolveSymmetric(A, b),
-                       DecomposeSymmetric(A).values[0] / static_cast<double>(rays.size())};
-  if (!point.position.allFinite()) return std::nullopt;
-  for (const Ray& ray : rays) {
-    if (ray.direction.dot(point.position - ray.origin) <= 0) return std::nullopt;
+    if (ray.direction.dot(point->position - ray.origin) <= 0) return std::nullopt;
   }
   return point;
 }
@@ -92,7 +78,7 @@ std::optional<Eigen::Vector3d> DirectionOf(const Bundle& bundle, Range observati
   }
   if (rays.empty()) return std::nullopt;
   if (rays.size() == 1) return rays[0].direction;
-  const std::optional<RayPoint> point = IntersectRays(rays);
+  const std::optional<NearestPoint> point = Before(rays);
   return point ? std::optional(point->position.normalized()) : std::nullopt;
 }
 
@@ -310,7 +296,7 @@ bool AcceptPoint(const std::vector<size_t>& observations,
     const RigidTransform T = bundle.T_rig_target[static_cast<size_t>(observation.frame)].Inverse();
     rays.push_back({T * ray->origin, T.R * ray->direction});
   }
-  const std::optional<RayPoint> point = IntersectRays(rays);
+  const std::optional<NearestPoint> point = Before(rays);
   if (!point || point->spread < std::pow(LeastSpread(observations, *state), 2)) return false;
   const auto m = static_cast<size_t>(bundle.observations[observations[0]].marker);
   const Eigen::Vector3d before = bundle.markers[m].position;
@@ -413,7 +399,7 @@ std::optional<double> ScaleByOwnDistances(const SceneState& state) {
     }
     const auto frame = static_cast<size_t>(first.frame), marker = static_cast<size_t>(first.marker);
     if (rays.size() < 2 || !state.has_pose[frame] || !state.has_point[marker]) continue;
-    const std::optional<RayPoint> point = IntersectRays(rays);
+    const std::optional<NearestPoint> point = Before(rays);
     if (!point) continue;
     const Eigen::Vector3d placed = bundle.T_rig_target[frame] * bundle.markers[marker].position;
     ratios.push_back(point->position.z() / placed.z());

@@ -50,12 +50,11 @@ void CheckDistances(const Session& session, std::span<const Target> targets) {
             "'{0}' of the target is unknown; state it, and in 'scale_sigma' how far it may be off",
             doubts.unknown));
       }
-      const bool has = std::ranges::all_of(end->points, [&](int number) {
-        const int own = session.targets.empty() ? number : MarkerId::FromNumber(number).id;
-        return target.markers.contains(own);
-      });
-      const bool is_tag = end->name.find("tag ") != std::string::npos;
-      if (!has || (is_tag && doubts.quads.empty())) {
+      ScenePosition own = *end;
+      for (int& number : own.points) {
+        if (!session.targets.empty()) number = MarkerId::FromNumber(number).id;
+      }
+      if (!HasPosition(target, own)) {
         distance.place.Fail(fmt::format("the target has no {}", end->name));
       }
     }
@@ -67,6 +66,13 @@ void CheckDistances(const Session& session, std::span<const Target> targets) {
 }
 
 }  // namespace
+
+bool HasPosition(const Target& target, const ScenePosition& position) {
+  const bool is_tag = position.name.find("tag ") != std::string::npos;
+  return std::ranges::all_of(position.points,
+                             [&](int number) { return target.markers.contains(number); }) &&
+         !(is_tag && DoubtsAbout(target).quads.empty());
+}
 
 SessionTargets ReadSessionTargets(const Session& session) {
   SessionTargets targets;

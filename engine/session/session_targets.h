@@ -27,6 +27,9 @@ struct SessionTargets {
 /// targets that no image distinguishes.
 SessionTargets ReadSessionTargets(const Session& session);
 
+/// Whether the target has the markers, as corners of a tag where the position is named so.
+bool HasPosition(const Target& target, const ScenePosition& position);
+
 /// Throws `Error` of kind kInput when the session has several targets, which `command` does not
 /// take.
 void RefuseSeveralTargets(const Session& session, const char* command);

@@ -152,6 +152,12 @@ class Calibration:
         return self._native.left_out
 
     @property
+    def target_scale(self) -> dict[str, tuple[float, float]]:
+        """Relative deviations of targets from their nominal sizes and their standard errors, by name: of sessions with
+        `scale_sigma` or `distances`."""
+        return self._native.target_scale
+
+    @property
     def provenance(self) -> dict[str, str]:
         """Origin of the calibration: version of the program, command line, session, target (docs/formats.md)."""
         return self._native.provenance

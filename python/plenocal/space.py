@@ -23,12 +23,13 @@ class Measured(NamedTuple):
     """A length (m) or an angle (rad) with its standard error."""
 
     value: float
-    sigma: float  #: of both parts
+    sigma: float  #: of all parts
     noise: float  #: part of sigma by noise of the images
     calibration: float  #: part by the calibration
     bias: float  #: that errors add to a length in the mean; contained in value
     low: float  #: interval of `level`
     high: float
+    jitter: float  #: part of sigma by cameras that do not expose at once
 
 
 class Plane(NamedTuple):
@@ -82,6 +83,12 @@ class SpacePoints:
         found: list[dict[str, Any]] = json.loads(self._native.findings())
         return found
 
+    @property
+    def adjusted(self) -> dict[str, dict[str, float]]:
+        """With `adjust`: of each number of the calibration `change`, and its standard error `sigma_before` and `sigma`."""
+        numbers: dict[str, dict[str, float]] = json.loads(self._native.adjusted())
+        return numbers
+
     def covariance(self, i: int, j: int) -> FloatArray:
         """(3, 3), m^2: covariance of the points of the indices i and j by all errors."""
         i, j = self._index(i), self._index(j)
@@ -123,14 +130,15 @@ def triangulate(
     *,
     context: Mapping[str, Any] | None = None,
     index: Mapping[str, Any] | None = None,
-    sigma: float | None = None,
+    sigma: float | Mapping[str, Any] | None = None,
     correlation: float = 0,
+    adjust: bool = False,
     frame: str = "rig",
     level: float = 0.95,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> SpacePoints:
-    """Points in space from their places in images (`plenocal triangulate`, docs/space.md).
+    """Points in space from their places in images of one instant (`plenocal triangulate`, docs/space.md).
 
     Args:
         calibration: a `Calibration`, the folder that `calibrate` wrote, or a calibration.yaml.
@@ -138,9 +146,11 @@ def triangulate(
         context: for each plenoptic camera the centres of the micro images (R, C), px.
         index: for cameras whose R rows show other points than 0 to N - 1: the point of each row, (R,). A plenoptic
             camera has several rows of one point, as its table of detections.
-        sigma: standard deviation of each coordinate, px; None: the calibration's noise.
+        sigma: standard deviation of each coordinate, px: one number, or for each camera those of its rows (R,); None: the
+            calibration's noise.
         correlation: of the noise of one coordinate between two ordinary cameras, for points that were matched from image
             to image.
+        adjust: adjust the calibration, too, within its standard errors, by the rays of all points.
         frame: "rig": errors in the first camera's frame as calibrated; "housing": less the rigid motion by which the
             calibration's own points follow its errors.
         level: of intervals.
@@ -153,14 +163,13 @@ def triangulate(
 
     if frame not in ("rig", "housing"):
         raise InputError(f"frame: expected 'rig' or 'housing', found '{frame}'")
-    if sigma is not None and not 0 < sigma < float("inf"):
-        raise InputError(f"sigma: expected a positive number of pixels, found {sigma}")
     if not 0 < level < 1:
         raise InputError(f"level: expected a number between 0 and 1, found {level}")
     calibration = calibration if isinstance(calibration, Calibration) else Calibration(os.fspath(calibration))
-    unknown = (set(context or ()) | set(index or ())) - set(pixels)
+    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(pixels, sigma)
+    unknown = (set(context or ()) | set(index or ()) | set(sigmas)) - set(pixels)
     if unknown:
-        raise InputError(f"context, index: no pixels of {', '.join(sorted(map(str, unknown)))}")
+        raise InputError(f"context, index, sigma: no pixels of {', '.join(sorted(map(str, unknown)))}")
     seen, count = [], 0
     for name, places in pixels.items():
         try:
@@ -174,15 +183,31 @@ def triangulate(
             raise InputError(f"index: {name}: expected {len(values)} numbers of points, from 0 to {_MOST - 1}")
         count = max(count, int(numbers.max(initial=-1)) + 1)
         here = np.isfinite(values).all(axis=1)
+        noise = _noise(sigmas.get(name), here, str(name))
         values, numbers = np.ascontiguousarray(values[here]), numbers[here]
         images = np.column_stack([numbers, values[:, len(camera.measured) :]])
         if len(np.unique(images, axis=0)) < len(images):
             raise InputError(f"index: {name}: a point is twice in one {'micro ' if camera.plenoptic else ''}image")
-        seen.append((str(name), values, numbers.tolist()))
+        seen.append((str(name), values, numbers.tolist(), noise))
     native = _core.triangulate(
-        calibration._native, seen, count, sigma, float(correlation), frame == "housing", level, caller(threads, progress)
+        calibration._native, seen, count, float(correlation), frame == "housing", adjust, level, caller(threads, progress)
     )
     return SpacePoints(native)
+
+
+def _noise(sigma: Any, here: Any, name: str) -> list[float]:
+    """Of the rows that are here, px; empty: the calibration's."""
+    import numpy as np
+
+    if sigma is None:
+        return []
+    try:
+        noise = np.broadcast_to(np.asarray(sigma, float), here.shape)[here]
+    except ValueError:
+        noise = np.array([np.nan])
+    if not ((noise > 0) & (noise < np.inf)).all():
+        raise InputError(f"sigma: {name}: expected a positive number of pixels, or {len(here)} of them, found {sigma}")
+    return [float(each) for each in noise]
 
 
 def _rows_of_three(blocks: FloatArray) -> FloatArray:

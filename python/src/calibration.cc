@@ -162,6 +162,14 @@ void BindCalibration(nb::module_& module) {
           },
           nb::rv_policy::move)
       .def_prop_ro("left_out", [](const Record& record) { return record.record.left_out; })
+      .def_prop_ro("target_scale",
+                   [](const Record& record) {
+                     nb::dict scales;
+                     for (const auto& [name, scale] : record.record.target_scales) {
+                       scales[nb::str(name.c_str())] = nb::make_tuple(scale.value, scale.sigma);
+                     }
+                     return scales;
+                   })
       .def_prop_ro("provenance", [](const Record& record) {
         nb::dict entries;
         for (const auto& [key, value] : record.record.provenance) {

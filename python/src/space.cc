@@ -22,8 +22,9 @@
 namespace plenocal::python {
 namespace {
 
-/// Camera, its values (measured coordinates, context) in rows, and the number of each row's point.
-using Seen = std::tuple<std::string, Rows, std::vector<int>>;
+/// Camera, its values (measured coordinates, context) in rows, the number of each row's point, and
+/// the noise of each row, px, or none: the calibration's.
+using Seen = std::tuple<std::string, Rows, std::vector<int>, std::vector<double>>;
 
 /// The points of `triangulate` by number: an index of the arrays.
 struct SpacePoints {
@@ -45,14 +46,18 @@ struct SpacePoints {
 std::vector<SeenPoints> ToSeen(const CalibrationRecord& calibration,
                                const std::vector<Seen>& cameras) {
   std::vector<SeenPoints> all;
-  for (const auto& [name, rows, numbers] : cameras) {
+  for (const auto& [name, rows, numbers, sigmas] : cameras) {
     const size_t columns = rows.shape(1);
     View view{.frame = "0", .observations = {}};
     for (size_t i = 0; i < numbers.size(); ++i) {
       Observation& each = view.observations.emplace_back(Observation{.marker = numbers[i]});
       std::copy_n(rows.data() + i * columns, columns, each.values.begin());
+      if (!sigmas.empty()) each.detector_sigma = sigmas.at(i);
     }
-    all.push_back({.camera = FindCamera(calibration, name).name, .source = name, .views = {view}});
+    all.push_back({.camera = FindCamera(calibration, name).name,
+                   .source = name,
+                   .views = {view},
+                   .is_noise = !sigmas.empty()});
   }
   return all;
 }
@@ -60,15 +65,15 @@ std::vector<SeenPoints> ToSeen(const CalibrationRecord& calibration,
 SpacePoints TriangulateArrays(const Record& calibration,
                               const std::vector<Seen>& cameras,
                               size_t count,
-                              std::optional<double> sigma,
                               double correlation,
                               bool housing,
+                              bool adjust,
                               double level,
                               const Caller& caller) {
   const std::vector<SeenPoints> seen = ToSeen(calibration.record, cameras);
   TriangulateRequest request;
-  request.sigma = sigma;
   request.correlation = correlation;
+  request.adjust = adjust;
   request.level = level;
   if (housing) request.frame = SpaceFrame::kHousing;
   return RunEngine(caller, [&](const Run& run) {
@@ -128,7 +133,8 @@ nb::tuple ToTuple(const SpacePoints& all, const Measured& number) {
                         number.calibration,
                         number.bias,
                         number.value - reach,
-                        number.value + reach);
+                        number.value + reach,
+                        number.jitter);
 }
 
 nb::tuple Plane(const SpacePoints& all, const std::vector<size_t>& indices) {
@@ -212,6 +218,8 @@ void BindSpace(nb::module_& module) {
            [](const SpacePoints& all) {
              return VerdictJson({.findings = all.made.findings}).at("findings").dump();
            })
+      .def("adjusted",
+           [](const SpacePoints& all) { return AdjustedJson(all.made.adjusted).dump(); })
       .def("length",
            [](const SpacePoints& all, size_t i, size_t j) {
              return ToTuple(all, LengthOf(all.At(i), all.At(j)));

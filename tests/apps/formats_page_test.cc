@@ -700,7 +700,8 @@ TEST_F(FormatsPage, HasWhatEvaluateWrites) {
   };
   see({"estimate.txt"});
   see({"GOOD=estimate.txt", "SHORT=short.txt"});
-  ExpectAllSeen({"errors_by_truth"});  // of a groundtruth.yaml (scene/)
+  // Of a groundtruth.yaml (scene/), of a session with scale_sigma (cli/).
+  ExpectAllSeen({"errors_by_truth", "target_scale"});
 }
 
 }  // namespace TEST_FILE

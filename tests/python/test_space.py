@@ -96,7 +96,7 @@ def test_points_and_measures_are_those_of_the_command(place: pathlib.Path, frame
             assert plane.degrees == int(row["degrees"])
             continue
         found = points.length(*of) if row["kind"] == "length" else points.angle(*of)
-        names = {"calibration": "sigma_calibration", "noise": "sigma_noise"}
+        names = {part: f"sigma_{part}" for part in ("calibration", "noise", "jitter")}
         for name, number in found._asdict().items():
             assert number == pytest.approx(float(row[names.get(name, name)]), rel=1e-6), name
 
@@ -112,13 +112,26 @@ def test_common_errors_are_in_the_covariance_of_two_points(place: pathlib.Path) 
     assert points.findings == []
 
 
+def test_noise_of_each_row_and_the_adjusted_calibration(place: pathlib.Path) -> None:
+    right = seen(place)
+    one = plenocal.triangulate(place / "result", **right)
+    rows = {name: np.full(len(pixels), 0.05) for name, pixels in right["pixels"].items()}
+    np.testing.assert_array_equal(plenocal.triangulate(place / "result", **{**right, "sigma": rows}).noise, one.noise)
+    assert one.adjusted == {}
+    adjusted = plenocal.triangulate(place / "result", **right, adjust=True)
+    parts = [number["sigma"] / number["sigma_before"] for number in adjusted.adjusted.values()]
+    assert max(parts) < 1 + 1e-6 and min(parts) < 0.95
+    i = int(np.flatnonzero(one.used)[0])
+    assert np.trace(adjusted.covariance(i, i)) < np.trace(one.covariance(i, i))
+
+
 def test_wrong_arguments_are_named(place: pathlib.Path) -> None:
     right = seen(place)
     calibration = plenocal.Calibration(place / "result")
     plain: dict[str, Any] = {"context": {}, "index": {}}
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"frame": "world"}, "frame: expected 'rig' or 'housing', found 'world'"),
-        ({"sigma": 0.0}, "sigma: expected a positive number"),
+        ({"sigma": 0.0}, "sigma: left: expected a positive number"),
         ({"pixels": {"front": [[1, 2]]}, **plain}, "pixels: no camera 'front'"),
         ({"pixels": {"left": [[1, 2, 3]]}, **plain}, r"pixels: left: expected an array of shape \(N, 2\)"),
         ({"pixels": {"left": right["pixels"]["left"]}, **plain}, "one ordinary camera sees directions"),

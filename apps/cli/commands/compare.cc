@@ -31,7 +31,8 @@ void CheckWithNewImages(const CompareArguments& arguments, Console* console) {
     out->Write("difference.png", DifferencePicture(*result.comparison));
     result.folders->Commit();
   }
-  fmt::print("{}", arguments.json ? json : WithColours(CheckText(result.check)));
+  const std::string in_space = result.space ? SpaceText(*result.space) : "";
+  fmt::print("{}", arguments.json ? json : WithColours(CheckText(result.check) + in_space));
   if (result.check.valid) return;
   std::fflush(stdout);
   throw JobError(
@@ -45,10 +46,6 @@ void RunCompare(const CompareArguments& arguments, Console* console) {
   if (arguments.other.empty() != is_check) {
     throw InputError(
         "give either a second calibration.yaml or --check session.yaml; see 'plenocal compare --help'");
-  }
-  if (is_check && arguments.in_space) {
-    throw InputError(
-        "--space compares two calibrations: calibrate the new images, then compare both");
   }
   if (is_check) return CheckWithNewImages(arguments, console);
   if (arguments.json) {
@@ -110,7 +107,7 @@ void DeclareCompare(CLI::App* app, CompareArguments* arguments, ConsoleOptions* 
   app->add_flag(
       "--space",
       arguments->in_space,
-      "of two calibrations: also the difference of points and lengths in space, at the finite ones of these distances");
+      "also the difference of points and lengths in space, at the finite ones of these distances");
   app->add_option("--bar", arguments->bar, "with --space: length that is compared, m")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();

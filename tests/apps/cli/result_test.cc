@@ -233,6 +233,8 @@ TEST_F(Results, HaveTheSizeOfThePrintByAMeasuredDistance) {
   EXPECT_NEAR(scale["value"].as<double>(), 0.003, 3e-4);
   EXPECT_NEAR(scale["sigma"].as<double>() / 1e-4, 1, 0.1);
   EXPECT_THAT(Read("bar/correlations.csv"), ::testing::HasSubstr(",target.scale"));
+  const Outcome json = Run({"calibrate", "session.yaml", "-o", "json", "--no-report", "--json"});
+  EXPECT_THAT(json.out, ::testing::HasSubstr("\"target_scale\":"));
   // Whoever reads the calibration has it.
   EXPECT_EQ(Run({"compare", "bar/calibration.yaml", "bar/calibration.yaml"}).status, kDone);
 }

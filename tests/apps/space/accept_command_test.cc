@@ -96,6 +96,17 @@ TEST_F(Accept, LengthsOfAnotherScaleFailAndTheScaleIsNamed) {
   EXPECT_EQ(expanded.status, 0) << expanded.out;
 }
 
+TEST_F(Accept, AllFramesTogetherAreMoreExact) {
+  const Outcome outcome = RunAccept(Bars(1, "mode: bundle\n"), {"-o", "bundle"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_GT(Json::parse(Read("bundle/acceptance.json"))["probability"], 1e-3);
+  ASSERT_EQ(RunAccept(Bars(1), {"-o", "single"}).status, 0);
+  const Table together(Read("bundle/acceptance.csv")), single(Read("single/acceptance.csv"));
+  ASSERT_EQ(together.Rows(), 10U);
+  EXPECT_EQ(together.Column("frame"), std::vector<std::string>(10, "all"));
+  EXPECT_LT(together.Numbers("sigma")[0], single.Numbers("sigma")[0]);
+}
+
 TEST_F(Accept, OneWrongReferenceIsNoScale) {
   const std::string wrong =
       Bars(1) + "      - {between: [tag 0, tag 7], length: 0.11, sigma: 3 um}\n";
@@ -120,6 +131,8 @@ TEST_F(Accept, NamesWhatDoesNotFit) {
   refused(limit + "lines: []\n", "no line has a bar");
   refused(limit + "decision: kind\nlines: [{name: a, bars: [{between: [1, 2], length: 1}]}]\n",
           "guarded or simple");
+  refused(limit + "mode: all\nlines: [{name: a, bars: [{between: [1, 2], length: 1}]}]\n",
+          "single or bundle");
   const Outcome unseen =
       RunAccept(limit + "lines: [{name: a, bars: [{between: [tag 90, tag 91], length: 1}]}]\n");
   EXPECT_EQ(unseen.status, 1);

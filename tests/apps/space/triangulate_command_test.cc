@@ -146,6 +146,39 @@ TEST_F(Triangulate, CorrelatedNoiseIsLessNoiseOfTheDistance) {
   EXPECT_NEAR(sigma("-0.5"), none * std::sqrt(1.5), 0.02 * none);
 }
 
+TEST_F(Triangulate, AdjustsTheCalibrationByTheRays) {
+  const Outcome outcome = Points({"--adjust", "-o", "adjusted"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("calibration adjusted: "));
+  const YAML::Node adjusted =
+      YAML::LoadFile(Path("adjusted/triangulation.yaml").string())["adjusted"];
+  ASSERT_TRUE(adjusted["left.f_x"] && adjusted["right.T_camera_rig.w_x"]);
+  double left = 1;
+  for (const auto& each : adjusted) {
+    const auto before = each.second["sigma_before"].as<double>();
+    const auto sigma = each.second["sigma"].as<double>();
+    EXPECT_LE(sigma, before * (1 + 1e-6));
+    EXPECT_LT(std::abs(each.second["change"].as<double>()), 4 * before);
+    left = std::min(left, sigma / before);
+  }
+  EXPECT_LT(left, 0.95);
+  ASSERT_EQ(Points({"-o", "held"}).status, 0);
+  EXPECT_EQ(YAML::LoadFile(Path("held/triangulation.yaml").string())["adjusted"].size(), 0U);
+  // Jitter is no error of the calibration.
+  Write("result/calibration.yaml",
+        Read("result/calibration.yaml") +
+            "jitter: {translation: 0.001, rotation: 1e-6, misplaced: 0}\n");
+  const Outcome refused = Points({"--adjust"});
+  EXPECT_EQ(refused.status, kWrongInput);
+  EXPECT_THAT(refused.err, HasSubstr("(jitter)"));
+  const Outcome shaken = Points({"--all-lengths", "-o", "shaken"});
+  ASSERT_EQ(shaken.status, 0) << shaken.err;
+  EXPECT_THAT(shaken.out, HasSubstr(", jitter "));
+  EXPECT_GT(Table(Read("shaken/points.csv")).Numbers("sigma_z_jitter").at(0), 1e-3);
+  EXPECT_GT(Table(Read("shaken/measures.csv")).Numbers("sigma_jitter").at(0), 1e-5);
+  EXPECT_THAT(Read("shaken/shared.csv"), HasSubstr(",jitter_12\n"));
+}
+
 TEST_F(Triangulate, FindsAPlaceOfOneImageInTheOther) {
   Write("images.yaml", Spec(5, 1));
   ASSERT_EQ(Run({"simulate", "images.yaml", "-o", "images"}).status, 0);

@@ -3,6 +3,7 @@
 // Errors of fitted lattices against Monte Carlo, and their file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -131,7 +132,8 @@ class LatticeFile : public ::testing::Test {
     return {};
   }
 
-  fs::path path_ = fs::temp_directory_path() / "plenocal_lattice_test.yaml";
+  fs::path path_ =
+      fs::temp_directory_path() / ("plenocal_lattice_" + std::to_string(::getpid()) + ".yaml");
 };
 
 TEST_F(LatticeFile, IsReadAsWritten) {

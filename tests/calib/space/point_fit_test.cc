@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
 #include <functional>
@@ -15,123 +16,15 @@
 
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
+#include "calib/space/common_errors.h"
 #include "calib/space/measures.h"
 #include "models/registry.h"
-#include "tests/calib/random.h"
+#include "tests/calib/space/uncertain_rig.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
-using testing::Random;
-
-constexpr double kNoise = 0.05;  // px
-
-struct RigOptions {
-  std::vector<std::string> models{"pinhole-radial3", "pinhole-radial3"};
-  double baseline = 0.1;    // m
-  double calibration = 1;   // factor on the calibration's standard errors
-  double common_noise = 0;  // px
-  bool nuisances = false;   // a displacement common to all images, which correlates with parameters
-  double correlation = 0;   // of the noise of ordinary cameras
-};
-
-/// A rig whose parameters and extrinsics are uncertain and correlated: one number shifts all.
-CalibrationRecord UncertainRig(const RigOptions& options) {
-  CalibrationRecord record;
-  for (size_t c = 0; c < options.models.size(); ++c) {
-    CalibratedCamera& camera = record.cameras.emplace_back();
-    camera.name = "camera" + std::to_string(c);
-    camera.model = FindModel(CameraModels(), options.models[c]);
-    camera.image_size = camera.model->example_size;
-    camera.params.assign(camera.model->example.begin(), camera.model->example.end());
-    camera.config.assign(camera.model->example_config.begin(), camera.model->example_config.end());
-    std::vector<double> sigma;
-    for (size_t k = 0; k < camera.params.size(); ++k) {
-      const double scale = camera.model->params[k].scale;
-      sigma.push_back(1e-4 * options.calibration *
-                      std::max(std::abs(camera.params[k]), std::min(scale, 1.0)));
-    }
-    const auto n = static_cast<Eigen::Index>(sigma.size());
-    const Eigen::MatrixXd correlation =
-        0.5 * Eigen::MatrixXd::Identity(n, n) + 0.5 * Eigen::MatrixXd::Ones(n, n);
-    camera.covariance = CovarianceOf(sigma, correlation);
-    camera.fit.noise_sigma = std::hypot(kNoise, options.common_noise);
-    camera.fit.common_noise = options.common_noise;
-    if (options.nuisances) {
-      camera.nuisances = {{0.7, 0.4}};
-      record.correlations = {{camera.name + ".B", camera.name + ".shared_1"},
-                             Eigen::MatrixXd{{1, 0.6}, {0.6, 1}}};
-    }
-    if (c == 0) continue;
-    Vector6d xi;
-    xi << -options.baseline * static_cast<double>(c), 0.002, -0.003, 0.01, -0.02, 0.015;
-    camera.T_camera_rig = Exp(xi);
-    camera.sigma_xi << 2e-5, 3e-5, 4e-5, 1e-4, 5e-5, 7e-5;
-    camera.sigma_xi *= options.calibration;
-  }
-  return record;
-}
-
-/// Whether a camera of these numbers images X / h; its place.
-bool ImageOf(const BundleCamera& camera, const Eigen::Vector3d& X, double h, double* values) {
-  const Eigen::Vector3d p = camera.T_camera_rig.R * X + h * camera.T_camera_rig.t;
-  return camera.model->Project(camera.params.data(), camera.config.data(), values, p, values, h);
-}
-
-/// The cameras with an error of theta.
-std::vector<BundleCamera> Moved(const SpaceRig& rig, const Eigen::VectorXd& theta) {
-  std::vector<BundleCamera> cameras = rig.cameras;
-  std::vector<Vector6d> charts(cameras.size(), Vector6d::Zero());
-  for (size_t i = 0; i < rig.unknowns.size(); ++i) {
-    const CalibrationPrior::Unknown& unknown = rig.unknowns[i];
-    const double error = theta[static_cast<Eigen::Index>(i)];
-    if (unknown.param) {
-      cameras[unknown.camera].params[*unknown.param] += error;
-    } else {
-      charts[unknown.camera][unknown.component] = error;
-    }
-  }
-  for (size_t c = 0; c < cameras.size(); ++c) {
-    cameras[c].T_camera_rig = Retract(cameras[c].T_camera_rig, charts[c]);
-  }
-  return cameras;
-}
-
-/// What true cameras see of X / h: each micro lens of `lenses` of a plenoptic one.
-std::vector<SpaceObservation> Seen(const std::vector<BundleCamera>& truth,
-                                   const Eigen::Vector3d& X,
-                                   double h,
-                                   double common_noise,
-                                   Random* random) {
-  std::vector<SpaceObservation> seen;
-  for (size_t c = 0; c < truth.size(); ++c) {
-    const Eigen::Vector2d common = random->Gaussians<2>(common_noise);
-    const bool plenoptic = truth[c].model->plenoptic;
-    for (int lens = 0; lens < (plenoptic ? 7 : 1); ++lens) {
-      SpaceObservation each{.camera = c, .sigma = kNoise};
-      if (plenoptic) {
-        // Around the middle of the image.
-        constexpr double kPitch = 20;
-        each.values[2] = truth[c].image_size[0] / 2.0 + kPitch * (lens % 3 - 1);
-        each.values[3] = truth[c].image_size[1] / 2.0 + kPitch * (lens / 3 - 1);
-      }
-      if (!ImageOf(truth[c], X, h, each.values.data())) continue;
-      if (!truth[c].nuisances.empty()) {
-        for (size_t k = 0; k < 2; ++k) {
-          each.by_shared.push_back(0.01 * (each.values[k] - each.values[k + 2]));
-          each.values[k] += truth[c].params.back() * each.by_shared[k];
-        }
-      }
-      const Eigen::Vector2d noise = random->Gaussians<2>(kNoise);
-      for (size_t k = 0; k < 2; ++k) {
-        each.values[k] += noise[static_cast<Eigen::Index>(k)];
-        if (plenoptic) each.values[k] += common[static_cast<Eigen::Index>(k)];
-      }
-      seen.push_back(each);
-    }
-  }
-  return seen;
-}
+using namespace testing;  // NOLINT
 
 SpacePoint ExactPoint(const SpaceRig& rig, const Eigen::Vector3d& X, double h) {
   Random none(0);
@@ -209,18 +102,30 @@ Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, 
   for (int i = 0; i < draws; ++i) {
     Eigen::VectorXd drawn(rig.root.cols());
     for (Eigen::Index k = 0; k < drawn.size(); ++k) drawn[k] = random.Gaussian(1);
-    const std::vector<BundleCamera> truth = Moved(rig, rig.root * drawn);
+    std::vector<BundleCamera> truth = Moved(rig, rig.root * drawn);
     std::vector<SpacePoint> points;
     std::vector<Eigen::Vector3d> at;
+    rig.centre.setZero();
     for (const double distance : distances) {
       at.push_back(distance * Eigen::Vector3d(0.05, 0.08 - 0.03 * distance / 10, 1));
-      std::vector<SpaceObservation> seen = Seen(truth, at.back(), 1, options.common_noise, &random);
+      rig.centre += at.back() / static_cast<double>(distances.size());
+    }
+    for (size_t c = 0; c < truth.size() && rig.instant > 0; ++c) {
+      const auto first = rig.Size() - rig.instant + 6 * static_cast<Eigen::Index>(c);
+      const Vector6d delta = (rig.root * drawn).segment<6>(first);
+      const Eigen::Matrix3d R = ExpRotation(delta.tail<3>());
+      truth[c].T_camera_rig =
+          truth[c].T_camera_rig *
+          RigidTransform{R, rig.centre - R * rig.centre + Eigen::Vector3d(delta.head<3>())};
+    }
+    for (const Eigen::Vector3d& X : at) {
+      std::vector<SpaceObservation> seen = Seen(truth, X, 1, options.common_noise, &random);
       if (options.correlation > 0) {
         // From independent noise to that with a common part.
         const Eigen::Vector2d common = random.Gaussians<2>(kNoise * std::sqrt(options.correlation));
         for (SpaceObservation& each : seen) {
           std::array<double, kMaxObservationSize> exact{};
-          if (!ImageOf(truth[each.camera], at.back(), 1, exact.data())) return sums;
+          if (!ImageOf(truth[each.camera], X, 1, exact.data())) return sums;
           for (size_t k = 0; k < 2; ++k) {
             each.values[k] = exact[k] +
                              std::sqrt(1 - options.correlation) * (each.values[k] - exact[k]) +
@@ -249,7 +154,7 @@ Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, 
     sums.rho_held += held / static_cast<double>(points.size());
     const Measured length = LengthOf(points[0], points[1]);
     sums.length += std::pow((length.value - (at[0] - at[1]).norm()) / length.Sigma(), 2);
-    const RaysTest test = RaysMeet(points);
+    const RaysTest test = CommonErrors(points).Test();
     sums.rays += test.chi_square / test.degrees;
     ++sums.count;
   }
@@ -257,13 +162,6 @@ Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, 
     *sum /= sums.count;
   }
   return sums;
-}
-
-/// Inside 99.9 % of means of `count` squares with `degrees`.
-void ExpectOne(double mean, int count, int degrees, const char* what) {
-  const double n = count * degrees;
-  EXPECT_GT(mean, ChiSquareQuantile(n, 0.9995) / n) << what;
-  EXPECT_LT(mean, ChiSquareQuantile(n, 0.0005) / n) << what;
 }
 
 void ExpectTrue(const RigOptions& options, const std::vector<double>& distances) {
@@ -305,6 +203,11 @@ TEST(PointFit, StandardErrorsHoldForAPlenopticCameraOnARig) {
 TEST(PointFit, StandardErrorsHoldForNoiseThatIsCommonToCameras) {
   const std::string model = "pinhole-radial3";
   ExpectTrue({.models = {model, model, model}, .calibration = 0.1, .correlation = 0.7},
+             {1, 1.3, 2});
+}
+
+TEST(PointFit, StandardErrorsHoldWithTheJitterOfAFrame) {
+  ExpectTrue({.calibration = 0.1, .jitter = {.translation_sigma = 3e-4, .rotation_sigma = 2e-3}},
              {1, 1.3, 2});
 }
 
@@ -447,6 +350,39 @@ TEST(SpaceRig, HasTheCalibrationsCovarianceBetweenCameras) {
   EXPECT_GT(between, 0);
 }
 
+// A bent board displaces points alike in all cameras; their rays meet all the same.
+TEST(SpaceRig, HasTheNoiseThatCamerasDoNotShare) {
+  const auto factor = [](double bent, double noise) {
+    CalibrationRecord record = UncertainRig({});
+    Random random(12);
+    record.frames.resize(1);
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d X(random.Uniform(-0.2, 0.2), random.Uniform(-0.1, 0.1), 0.8);
+      record.markers[i].position = X;
+      const Eigen::Vector3d displaced = X + random.Gaussians<3>(bent);
+      for (CalibratedCamera& camera : record.cameras) {
+        ResidualRow row{.frame = 0, .marker = i, .noise_sigma = kNoise};
+        double expected[2];
+        EXPECT_TRUE(Project(camera, row.values.data(), camera.T_camera_rig * X, expected));
+        EXPECT_TRUE(Project(
+            camera, row.values.data(), camera.T_camera_rig * displaced, row.values.data()));
+        for (size_t k = 0; k < 2; ++k) {
+          row.values[k] += random.Gaussian(noise);
+          row.residual[k] = row.values[k] - expected[k];
+        }
+        camera.residuals.push_back(row);
+        camera.fit.noise_sigma = kNoise;
+      }
+    }
+    const SpaceRig rig = MakeSpaceRig(record, {});
+    EXPECT_DOUBLE_EQ(rig.NoiseOf(0, 0), rig.noise_factor * kNoise);
+    return rig.noise_factor;
+  };
+  EXPECT_EQ(factor(0, kNoise), 1);
+  EXPECT_NEAR(factor(1e-4, kNoise / 3), 1.0 / 3, 0.05);
+  EXPECT_NEAR(factor(0, 2 * kNoise), 2, 0.25);
+}
+
 TEST(SpaceRig, HasTheCalibrationsNoiseForTheDetectorsSigma) {
   CalibrationRecord record = UncertainRig({});
   CameraFit& fit = record.cameras[0].fit;
@@ -459,22 +395,6 @@ TEST(SpaceRig, HasTheCalibrationsNoiseForTheDetectorsSigma) {
   fit.detector_sigma = 0.024;  // too small by 0.032
   EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0.06), std::hypot(0.06, 0.032), 1e-12);
   EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0), 0.04, 1e-12);
-}
-
-TEST(RaysMeet, NamesAnErrorThatAllPointsShareAndNoSinglePointShows) {
-  const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 0.1}), {});
-  std::vector<BundleCamera> shifted = rig.cameras;
-  shifted[1].params[3] += 0.1;  // c_y: rays pass each other
-  Random random(3);
-  std::vector<SpacePoint> points;
-  int alone = 0;
-  for (int i = 0; i < 100; ++i) {
-    const Eigen::Vector3d X(random.Uniform(-0.3, 0.3), random.Uniform(-0.2, 0.2), 1.5);
-    points.push_back(FitPoint(rig, Seen(shifted, X, 1, 0, &random)));
-    alone += points.back().probability < 5e-4 ? 1 : 0;
-  }
-  EXPECT_LT(alone, 40);
-  EXPECT_LT(RaysMeet(points).probability, 1e-9);
 }
 
 TEST(Measures, AngleAndPlaneHaveTheStandardErrorsOfTheirDerivatives) {

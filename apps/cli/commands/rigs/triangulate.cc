@@ -101,6 +101,10 @@ void DeclareTriangulate(CLI::App* app, TriangulateArguments* arguments, ConsoleO
                   "of the noise of two ordinary cameras in the same coordinate, for points matched "
                   "from image to image")
       ->check(CLI::Range(-1.0, 1.0));
+  app->add_flag(
+      "--adjust",
+      arguments->adjust,
+      "adjust the calibration, too, within its standard errors, by the rays of all points");
   app->add_option("--level", arguments->level, "of intervals")
       ->check(CLI::Range(0.5, 0.9999))
       ->capture_default_str();
