@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points, lengths and intervals in space against the truth, over calibrated rigs (docs/space.md).
 
-    bench/space PLENOCAL [--rigs 40] [--kinds pinhole fisheye spline plenoptic mixed far] [--first 0]
+    bench/space PLENOCAL [--rigs 40] [--kinds pinhole fisheye spline plenoptic mixed far beyond] [--first 0]
     PATH=/usr/bin:$PATH /usr/bin/python3 bench/space PLENOCAL mrcal       # beside mrcal's standard errors
     bench/space PLENOCAL known                                           # `if_known` beside calibrations that know it
     bench/space PLENOCAL real                                            # scatter of real lengths
@@ -12,7 +12,8 @@ frame of its first camera. Prints, by kind: NEES / n of all 20 points together (
 the calibration's part alone (exact pixels; in the directions of its covariance with at least 1 % of the largest sigma), mean
 (error / sigma)^2 of the length between the first two points of each frame, the part of points whose 95 % interval of the
 distance holds it, and the part of rigs whose rays meet by the test of all points (99.9 %). The chance interval is that of NEES /
-n; lengths and intervals of a rig share its calibration and scatter more. far: points at 45 to 65 baselines. Needs python3-numpy, python3-scipy, python3-yaml.
+n; lengths and intervals of a rig share its calibration and scatter more. far: points at 45 to 65 baselines, beyond: at 1000 to
+2000, where X is not Gaussian and has no NEES. Needs python3-numpy, python3-scipy, python3-yaml.
 """
 import pathlib
 import random as plain_random
@@ -68,7 +69,7 @@ def cameras_of(kind, random):
         return {"left": ordinary("pinhole-radial3", random, 0), "right": ordinary("pinhole-radial3", random, 0.1),
                 "plenoptic": plenoptic(random, 0.05)}
     model = {"fisheye": "kannala-brandt4", "spline": "splined"}.get(kind, "pinhole-radial3")
-    return {"left": ordinary(model, random, 0), "right": ordinary(model, random, 0.02 if kind == "far" else 0.12)}
+    return {"left": ordinary(model, random, 0), "right": ordinary(model, random, 0.02 if kind in ("far", "beyond") else 0.12)}
 
 
 def plain(value):
@@ -80,7 +81,7 @@ def plain(value):
 
 
 def triangulated(plenocal, place, recording, cameras, chosen, *options):
-    """Errors (N, 3), noise (N, 3, 3), roots (N, 3, P) and rows of used points that `chosen` takes of the number of all."""
+    """Errors (N, 3), noise (N, 3, 3), roots (N, 3, P), rows and truth of used points that `chosen` takes of the number of all."""
     tables = [f"{name}={place / recording / f'detections_{name}.csv'}" for name in cameras]
     done = common.run(plenocal, "triangulate", place / "result", *tables, *options, "-o", place / "tri", "--quiet", statuses=(0, 1))
     rows = [row for row in common.read_table(place / "tri/points.csv") if row["used"] == "1"] if done.returncode == 0 else []
@@ -93,13 +94,13 @@ def triangulated(plenocal, place, recording, cameras, chosen, *options):
         shared.setdefault(key, []).append([float(v) for k, v in row.items() if k.startswith("c_")])
     target = common.load(place / recording / "truth/target.yaml")["markers"]
     poses = read_poses(place / recording / "truth/poses.csv")
-    errors, noise = [], []
+    errors, noise, truths = [], [], []
     for row in rows:
         T = poses[row["frame"]]  # T_target_rig
-        truth = T[:3, :3].T @ (np.array(target[int(row["marker"])]) - T[:3, 3])
-        errors.append(np.array([float(row[c]) for c in "xyz"]) - truth)
+        truths.append(T[:3, :3].T @ (np.array(target[int(row["marker"])]) - T[:3, 3]))
+        errors.append(np.array([float(row[c]) for c in "xyz"]) - truths[-1])
         noise.append([[float(row[f"noise_{min(a, b)}_{max(a, b)}"]) for b in "xyz"] for a in "xyz"])
-    return np.array(errors), np.array(noise), np.array([shared[row["frame"], row["marker"]] for row in rows]), rows
+    return np.array(errors), np.array(noise), np.array([shared[row["frame"], row["marker"]] for row in rows]), rows, truths
 
 
 def of_calibration(errors, roots):
@@ -110,13 +111,14 @@ def of_calibration(errors, roots):
 
 
 def one_rig(plenocal, place, kind, seed):
-    """Error / sigma of one rig's points: NEES, lengths, whether intervals hold and rays meet, chi-square and degrees of the calibration."""
+    """Error / sigma of one rig's points: NEES, lengths, whether intervals hold and rays meet, chi-square and degrees of the calibration,
+    sigma of rho over rho."""
     random = np.random.default_rng(seed)
     (place / "target.yaml").write_text(BOARD)
     near = {"plenoptic": [0.36, 0.7], "mixed": [0.36, 0.7], "spline": [0.25, 0.7]}.get(kind, [0.4, 1.2])
     cameras = plain(cameras_of(kind, random))
     exact = {name: {**camera, "detection_sigma": 1e-6} for name, camera in cameras.items()}
-    far = [0.9, 1.3] if kind == "far" else near
+    far = {"far": [0.9, 1.3], "beyond": [20, 40]}.get(kind, near)
     for name, frames, distance, offset, simulated in [("set", 80 if kind == "spline" else 25, near, 0, cameras),
                                                       ("new", 6, far, 1, cameras), ("exact", 6, far, 1, exact)]:
         poses = {"kind": "varied", "frames": frames, "distance": distance, "partial": 0.3}
@@ -135,17 +137,20 @@ def one_rig(plenocal, place, kind, seed):
     found = triangulated(plenocal, place, "new", cameras, chosen)
     if not found:
         return None
-    error, noise, roots, rows = found
+    error, noise, roots, rows, truth = found
     meet = common.load(place / "tri/triangulation.yaml")["probability"] > 1e-3
     without_noise = triangulated(plenocal, place, "exact", cameras, chosen, "--sigma", "0.05")
     if not without_noise:
         return None
-    # The interval is symmetric in rho = 1 / distance, of which the true one follows along the ray.
-    holds = []
-    for row, e in zip(rows, error):
-        rho, found = float(row["rho"]), np.array([float(row[c]) for c in "xyz"])
-        true_rho = 1 / (1 / rho - e @ found / np.linalg.norm(found))
-        holds.append(abs(true_rho - rho) <= 1 / float(row["nearest"]) - rho)
+    # Distances from the mean centre; those of points at infinity from the first camera's.
+    holds, relative = [], []
+    for row, true in zip(rows, truth):
+        rho, found = float(row["rho"]), np.linalg.norm([float(row[c]) for c in "xyz"])
+        distance = np.linalg.norm(true) + (1 / rho - found if np.isfinite(found) else 0)
+        holds.append(float(row["nearest"]) <= distance <= float(row["farthest"]))
+        relative.append(float(row["sigma_rho"]) * distance)
+    if kind == "beyond":
+        return np.nan, np.nan, np.mean(holds), meet, *of_calibration(without_noise[0], without_noise[2]), np.median(relative)
     root = roots.reshape(error.size, -1)
     covariance = root @ root.T
     for i, N in enumerate(noise):
@@ -160,7 +165,7 @@ def one_rig(plenocal, place, kind, seed):
         u = between / size
         g = u @ (roots[i] - roots[i + 1])
         lengths.append((size - true) ** 2 / (u @ (noise[i] + noise[i + 1]) @ u + g @ g))
-    return nees, np.mean(lengths), np.mean(holds), meet, *of_calibration(without_noise[0], without_noise[2])
+    return nees, np.mean(lengths), np.mean(holds), meet, *of_calibration(without_noise[0], without_noise[2]), np.median(relative)
 
 
 def main():
@@ -168,12 +173,12 @@ def main():
     arguments.add_argument("part", nargs="?", choices=["nees", "known", "mrcal", "real"], default="nees")
     arguments.add_argument("--rigs", type=int, default=40)
     arguments.add_argument("--first", type=int, default=0)
-    arguments.add_argument("--kinds", nargs="+", default=["pinhole", "fisheye", "spline", "plenoptic", "mixed", "far"])
+    arguments.add_argument("--kinds", nargs="+", default=["pinhole", "fisheye", "spline", "plenoptic", "mixed", "far", "beyond"])
     arguments = arguments.parse_args()
     if arguments.part != "nees":
         return {"known": space_known, "mrcal": space_mrcal, "real": space_real}[arguments.part].run(arguments.plenocal)
     common.head("rigs", "number", "NEES / n", "by chance (99 %)", "of the calibration", "by chance (99 %)", "lengths",
-                "intervals of 95 % hold", "rays meet")
+                "s / rho", "intervals of 95 % hold", "rays meet")
     for kind in arguments.kinds:
         found = []
         for seed in range(arguments.first, arguments.first + arguments.rigs):
@@ -181,10 +186,10 @@ def main():
                 result = one_rig(arguments.plenocal, place, kind, seed)
             if result:
                 found.append(result)
-        nees, lengths, holds, meet, chi_square, degrees = np.array(found, float).mean(axis=0)
+        nees, lengths, holds, meet, chi_square, degrees, relative = np.array(found, float).mean(axis=0)
         band = lambda n: "{:.2f} to {:.2f}".format(*chi2.ppf([0.005, 0.995], n) / n)
         common.row(kind, len(found), f"{nees:.3f}", band(3 * POINTS * len(found)), f"{chi_square / degrees:.3f}",
-                   band(degrees * len(found)), f"{lengths:.2f}", f"{100 * holds:.1f} %", f"{100 * meet:.0f} %")
+                   band(degrees * len(found)), f"{lengths:.2f}", f"{relative:.2g}", f"{100 * holds:.1f} %", f"{100 * meet:.0f} %")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
 
 RIGS, DISTANCES = 20, (0.6, 1.2, 3.0)
-BOARD = "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\ntolerance: 0\n"
+BOARD = "plenocal: 1\ntype: aprilgrid\ncolumns: 6\nrows: 6\nsize: 0.055\nspacing: 0.3\n"
 
 
 def accuracy(plenocal, result):
