@@ -47,7 +47,7 @@ constexpr double kRejected = 0.05;  // part of the points
 constexpr int kPartCells = 8;
 constexpr size_t kFewestPartFrames = 3;
 
-std::string Length(double metres) {
+std::string LengthText(double metres) {
   return metres < 1 ? fmt::format("{:.3g} mm", 1e3 * metres) : fmt::format("{:.3g} m", metres);
 }
 
@@ -242,7 +242,7 @@ class Judgement {
                "{:.0f})); at {}: {:.2g} px.",
                systematic > 0 ? "error of the projection (standard error, error of the model)"
                               : "standard error of the projection",
-               Length(here.distance),
+               LengthText(here.distance),
                PixelsText(here.centre),
                PixelsText(here.corners),
                here.most,
@@ -250,7 +250,7 @@ class Judgement {
                here.worst,
                here.where.x(),
                here.where.y(),
-               Length(far.distance),
+               LengthText(far.distance),
                far.most),
            .remedy =
                grade == Grade::kGood ? ""
@@ -343,8 +343,8 @@ class Judgement {
          .what =
              fmt::format("{} ({} to {}).{}",
                          one ? "all images are from one distance" : "the distances hardly differ",
-                         Length(spread.nearest),
-                         Length(spread.farthest),
+                         LengthText(spread.nearest),
+                         LengthText(spread.farthest),
                          spread.is_plane ? "" : kMakesUp),
          .remedy = "Take images from near, where the target fills the image, to at least twice as "
                    "far."});

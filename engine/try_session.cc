@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "calib/base/format_error.h"
 #include "calib/base/number_limits.h"
@@ -120,6 +121,21 @@ std::string ModelYaml(const TrialRow& row) {
                     trial.model->name);
 }
 
+std::string MissingYaml(const std::vector<MissingFamily>& missing) {
+  std::string text = missing.empty() ? "missing: []\n" : "missing:\n";
+  for (const MissingFamily& each : missing) {
+    text += fmt::format(
+        "  - {{camera: {}, family: {}, probability: {:.3g}, gain: {}, degrees: {}, remedy: {}}}\n",
+        YamlText(each.camera),
+        each.family,
+        each.probability,
+        YamlNumber(each.gain),
+        each.degrees,
+        YamlQuoted(each.remedy));
+  }
+  return text;
+}
+
 std::string TargetYaml(const ModelChoice& targets, MarkerFreedom of_session) {
   std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
                                  TargetName(targets.trials[targets.recommended]),
@@ -155,6 +171,7 @@ std::string TrialYaml(const SessionTrial& trial) {
       YamlQuoted(ModelRecommendation(choice)),
       choice.trials[choice.reference].model->name,
       YamlNumber(choice.noise));
+  text += MissingYaml(trial.missing);
   text += TargetYaml(trial.targets, trial.marker_freedom) + "models:\n";
   for (const TrialRow& row : trial.rows) text += ModelYaml(row);
   return text;
@@ -211,6 +228,11 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
   trial.targets = std::move(tried.targets);
   trial.marker_freedom = trial.models.trials[trial.models.recommended].marker_freedom;
   trial.rows = MakeRows(trial.models);
+  for (const size_t c : trial.models.varied) {
+    const ModelTrial& recommended = trial.models.trials[trial.models.recommended];
+    std::ranges::move(FindMissingFamilies(recommended.calibration, c),
+                      std::back_inserter(trial.missing));
+  }
   if (OutputFolder* const out = trial.folders->out()) {
     WriteTrial(trial, provenance, out);
     WriteDetections(session, observations, request.out, out);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "assess/missing/missing_families.h"
 #include "assess/text/trial_text.h"
 #include "calib/base/run.h"
 #include "calib/files/session.h"
@@ -29,6 +30,7 @@ struct SessionTrial {
   ModelChoice models;
   ModelChoice targets;                  ///< with the recommended model
   std::vector<TrialRow> rows;           ///< of `models`
+  std::vector<MissingFamily> missing;   ///< of the recommended model with all frames
   std::unique_ptr<RunFolders> folders;  ///< with the result files, to be committed
 };
 

@@ -46,9 +46,11 @@ Json RowJson(const TrialRow& row) {
 
 PageText TextOf(const std::vector<TrialRow>& rows,
                 const std::string& model,
-                const std::string& target) {
+                const std::string& target,
+                const std::string& missing) {
   PageText text;
-  text.Box("good", fmt::format("Recommended: {}", model), {fmt::format("Target: {}", target)});
+  text.Box(
+      "good", fmt::format("Recommended: {}", model), {fmt::format("Target: {}", target), missing});
   std::vector<std::vector<std::string>> cells;
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
@@ -73,6 +75,7 @@ std::string TrialPage(const SessionTrial& trial) {
   const std::vector<TrialRow>& rows = trial.rows;
   const std::string model = ModelRecommendation(choice);
   const std::string target = TargetRecommendation(trial.targets, trial.marker_freedom);
+  const std::string missing = MissingText(trial.missing);
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
@@ -91,13 +94,14 @@ std::string TrialPage(const SessionTrial& trial) {
   const Json data{{"kind", "trial"},
                   {"recommendation", model},
                   {"target", target},
+                  {"missing", missing},
                   {"frames", choice.frames},
                   {"folds", choice.folds},
                   {"points", choice.points},
                   {"outliers", choice.outliers},
                   {"models", models},
                   {"cameras", cameras}};
-  return MakePage("Camera models compared", TextOf(rows, model, target), data);
+  return MakePage("Camera models compared", TextOf(rows, model, target, missing), data);
 }
 
 }  // namespace plenocal

@@ -200,6 +200,9 @@ struct ModelFunctions {
                         const ProjectionOutput& out) = nullptr;
   std::vector<double> (*prior_sigmas)(const CameraModel& model,
                                       const StartProblem& problem) = nullptr;
+  /// The model "lens+part+..." of this lens; null for a model that takes no parts. Throws `Error` of
+  /// kind kInput for parts that there are not.
+  const CameraModel* (*with_parts)(const CameraModel& lens, std::string_view name) = nullptr;
 };
 
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
@@ -617,12 +620,17 @@ inline bool WithinBounds(const CameraModel& model, const double* params) {
   return true;
 }
 
-/// The model of that name in `models`, or nullptr.
+/// The model of that name in `models`, or a lens of these with the parts that the name has; nullptr
+/// for an unknown one. Throws `Error` of kind kInput for unknown parts.
 inline const CameraModel* FindModel(std::span<const CameraModel> models, std::string_view name) {
   for (const CameraModel& model : models) {
     if (model.name == name) return &model;
   }
-  return nullptr;
+  const size_t plus = name.find('+');
+  if (plus == std::string_view::npos) return nullptr;
+  const CameraModel* const lens = FindModel(models, name.substr(0, plus));
+  const bool takes_parts = lens != nullptr && lens->functions.with_parts != nullptr;
+  return takes_parts ? lens->functions.with_parts(*lens, name) : nullptr;
 }
 
 }  // namespace plenocal

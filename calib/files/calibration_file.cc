@@ -621,7 +621,11 @@ void CheckCameraName(const std::string& name, const YamlNode& node) {
 
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models) {
   const std::string name = node.AsString();
-  if (const CameraModel* model = FindModel(models, name)) return model;
+  try {
+    if (const CameraModel* model = FindModel(models, name)) return model;
+  } catch (const Error& error) {
+    node.Fail(error.what());
+  }
   node.Fail(fmt::format("unknown camera model '{}'{} (a model from outside needs --plugin FILE)",
                         name,
                         SuggestName(name, NamesOf(models))));

@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 
+#include "assess/convert.h"
 #include "calib/base/format_error.h"
 #include "engine/formats/exact_numbers.h"
 #include "models/registry.h"
@@ -94,6 +96,34 @@ std::vector<std::string> KeysOf(const std::string& name, const LensTable& table)
   return keys;
 }
 
+/// Of the models that the tool holds the one that differs least from the camera, for a message.
+std::string NearestText(const CalibratedCamera& camera, const LensTable& table) {
+  std::optional<std::pair<Conversion, std::string_view>> nearest;
+  for (const LensForm& form : table.forms) {
+    const CameraModel* const model = FindModel(CameraModels(), form.model);
+    if (model == nullptr || model == camera.model) continue;
+    try {
+      CalibratedCamera converted = camera;
+      Conversion conversion = Convert(camera, *model);
+      converted.model = model;
+      converted.params = conversion.params;
+      const bool sees_all = conversion.unseen == 0 && std::isfinite(conversion.rms);
+      if (!sees_all || Lost(converted, form)) continue;
+      if (nearest && nearest->first.rms <= conversion.rms) continue;
+      nearest.emplace(std::move(conversion), form.model);
+    } catch (const Error&) {
+      continue;  // not central, or too narrow for the camera
+    }
+  }
+  if (!nearest) return "; no model that it takes images all of this camera's image";
+  return fmt::format(
+      "; of the models that it takes {0} differs least, {1:.2g} px RMS and at most {2:.2g} px: "
+      "plenocal convert CALIBRATION --to {0}",
+      nearest->second,
+      nearest->first.rms,
+      nearest->first.largest);
+}
+
 }  // namespace
 
 std::vector<std::string_view> WordsOf(std::string_view text) {
@@ -158,18 +188,13 @@ Lens ToLens(const CalibratedCamera& camera, const LensTable& table) {
     }
     return lens;
   }
-  std::vector<std::string_view> known;
-  for (const LensForm& form : table.forms) {
-    if (FindModel(CameraModels(), form.model) == nullptr || Holds(known, form.model)) continue;
-    known.push_back(form.model);
-  }
   throw JobError(
-      "camera '{}': {}; make it one of {} with 'plenocal convert' first",
+      "camera '{}': {}{}",
       camera.name,
       lost ? fmt::format(
                  "{} has no place for {} of model {}", table.tool, lost->name, camera.model->name)
            : fmt::format("{} cannot hold model {}", table.tool, camera.model->name),
-      fmt::join(known, ", "));
+      NearestText(camera, table));
 }
 
 CalibratedCamera FromLens(const Lens& lens,
@@ -210,6 +235,9 @@ const LensTable& OpenCvLenses() {
        {"pinhole-radtan", "radtan", "k_1 k_2 p_1 p_2 k_3"},
        {"pinhole-radtan8", "radtan", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
        {"pinhole-radtan12", "radtan", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4"},
+       {"pinhole-radtan12+tilt",
+        "radtan",
+        "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4 tau_x tau_y"},
        {"kannala-brandt4", "fisheye", "k_1 k_2 k_3 k_4"}}};
   return kTable;
 }

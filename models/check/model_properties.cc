@@ -255,9 +255,9 @@ class Examination {
 
 void IsDescribed(const CameraModel& model, Examination& check) {
   check.Expect(!model.name.empty() &&
-                   model.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") ==
+                   model.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-+") ==
                        std::string_view::npos,
-               "name '{}': only a to z, 0 to 9 and '-' may stand in it",
+               "name '{}': only a to z, 0 to 9, '-' and, before parts, '+' may stand in it",
                model.name);
   check.Expect(!model.source.empty(), "no source");
   check.Expect(!model.params.empty(), "no parameters");

@@ -55,8 +55,12 @@ double Difference(std::string_view name, double half_fov, bool fisheye) {
 }
 
 TEST(OpenCv, ProjectsAsThePinholeModelsDo) {
-  for (const char* name :
-       {"pinhole", "pinhole-radtan4", "pinhole-radtan", "pinhole-radtan8", "pinhole-radtan12"}) {
+  for (const char* name : {"pinhole",
+                           "pinhole-radtan4",
+                           "pinhole-radtan",
+                           "pinhole-radtan8",
+                           "pinhole-radtan12",
+                           "pinhole-radtan12+tilt"}) {
     EXPECT_LT(Difference(name, 0.7, false), kAgreement) << name;
   }
 }

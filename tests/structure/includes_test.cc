@@ -53,6 +53,7 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("assess", {"calib", "assess/frames", "assess/space"});
   add("assess/target", {"assess"});
   add("assess/causes", {"assess/target"});
+  add("assess/missing", {"assess/causes"});
   add("targets", {"calib/files"});
   add("models", {"calib"});
   add("detectors/templates", {"targets"});

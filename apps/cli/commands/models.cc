@@ -9,6 +9,7 @@
 #include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
+#include "models/start/lens_with_parts.h"
 
 namespace plenocal {
 namespace {
@@ -53,6 +54,21 @@ void PrintModel(const CameraModel& model) {
   fmt::print("\n\n");
 }
 
+void PrintParts() {
+  fmt::print(
+      "Parts of any central lens above without knots, in the order in which they act, as ucm+radtan+tilt:\n");
+  for (const LensPart& part : LensParts()) {
+    std::vector<std::string> params;
+    for (const Param& param : part.params) {
+      params.push_back(fmt::format("{} [{}]{}", param.name, param.unit, Limits(param)));
+    }
+    fmt::print("+{}\n  source      {}\n  parameters  {}\n",
+               part.name,
+               part.source,
+               fmt::join(params, ", "));
+  }
+}
+
 void RunModelCheck(const std::string& name) {
   const CameraModel& model = *ModelNamed("models check", name);
   size_t violated = 0;
@@ -65,7 +81,8 @@ void RunModelCheck(const std::string& name) {
   }
 }
 
-constexpr const char* kModelsHelp = "List the camera models, their parameters, units and source.";
+constexpr const char* kModelsHelp =
+    "List the camera models and the parts of lenses, their parameters, units and source.";
 constexpr const char* kCheckHelp =
     "Whether a model's projection, inverse and derivatives agree with each other.\n\n"
     "  plenocal --plugin ./libmine.so models check NAME\n\n"
@@ -81,6 +98,7 @@ RunCommand DeclareModels(CLI::App* app, ConsoleOptions* /*shared*/) {
       RunModelCheck(*checked);
     } else {
       for (const CameraModel& model : CameraModels()) PrintModel(model);
+      PrintParts();
     }
   };
 }

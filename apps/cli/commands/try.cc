@@ -24,10 +24,11 @@ void RunTry(TryArguments request, Console* console) {
   const SessionTrial trial = TrySession(OpenInputs(request.inputs, "try", run), request, run);
   trial.folders->out()->Write("try.html", TrialPage(trial));
   trial.folders->Commit();
-  console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n\nwritten to {}\n",
+  console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n{}\nwritten to {}\n",
                              TrialTable(trial.models, trial.rows),
                              ModelRecommendation(trial.models),
                              TargetRecommendation(trial.targets, trial.marker_freedom),
+                             MissingText(trial.missing),
                              request.out.string()));
 }
 

@@ -22,6 +22,7 @@ const LensTable& BasaltLenses() {
                 {"ucm", "ucm", "alpha"},
                 {"eucm", "eucm", "alpha beta"},
                 {"double-sphere", "ds", "xi alpha"},
+                {"fov", "fov", "omega"},
                 {"kannala-brandt4", "kb4", "k_1 k_2 k_3 k_4"},
                 {"pinhole-radial3", "pinhole-radtan8", "A_0 A_1 0 0 A_2 0 0 0"},
                 {"pinhole-radtan4", "pinhole-radtan8", "k_1 k_2 p_1 p_2 0 0 0 0"},
@@ -30,6 +31,7 @@ const LensTable& BasaltLenses() {
       .coefficient_keys = {{"ucm", "alpha"},
                            {"eucm", "alpha beta"},
                            {"ds", "xi alpha"},
+                           {"fov", "w"},
                            {"kb4", "k1 k2 k3 k4"},
                            {"pinhole-radtan8", "k1 k2 p1 p2 k3 k4 k5 k6"}}};
   return kTable;

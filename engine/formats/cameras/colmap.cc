@@ -27,8 +27,16 @@ const LensTable& ColmapLenses() {
                 {"pinhole-radtan4", "OPENCV", "k_1 k_2 p_1 p_2"},
                 {"pinhole-radtan", "FULL_OPENCV", "k_1 k_2 p_1 p_2 k_3 0 0 0"},
                 {"pinhole-radtan8", "FULL_OPENCV", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+                {"equidistant", "FISHEYE", ""},
                 {"kannala-brandt4", "OPENCV_FISHEYE", "k_1 k_2 k_3 k_4"},
-                {"fov", "FOV", "omega"}},
+                {"equidistant+thin-prism", "THIN_PRISM_FISHEYE", "k_1 k_2 p_1 p_2 k_3 k_4 s_1 s_3"},
+                // Its tangential coefficients are in the other order.
+                {"equidistant+radial6+prism",
+                 "RAD_TAN_THIN_PRISM_FISHEYE",
+                 "k_1 k_2 k_3 k_4 k_5 k_6 p_2 p_1 s_1 s_2 s_3 s_4"},
+                {"fov", "FOV", "omega"},
+                {"division", "DIVISION", "lambda"},
+                {"eucm", "EUCM", "alpha beta"}},
       .first_pixel = kColmapPixelCentre};
   return kTable;
 }
@@ -137,14 +145,21 @@ std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
   for (ColmapCamera& camera : ReadColmapCameras(source.path)) {
     std::string& name = camera.model;
     std::vector<double>& values = camera.params;
-    // Models with one focal length.
-    if (name == "SIMPLE_PINHOLE" || name == "SIMPLE_RADIAL" || name == "RADIAL") {
+    if (values.size() < 3) throw InputError("{}: expected at least f, cx, cy", camera.where);
+    // Models with one focal length, by the name of the same model with two.
+    static const std::map<std::string_view, const char*> kSimple{
+        {"SIMPLE_PINHOLE", "PINHOLE"},
+        {"SIMPLE_RADIAL", "OPENCV"},
+        {"RADIAL", "OPENCV"},
+        {"SIMPLE_FISHEYE", "FISHEYE"},
+        {"SIMPLE_RADIAL_FISHEYE", "OPENCV_FISHEYE"},
+        {"RADIAL_FISHEYE", "OPENCV_FISHEYE"},
+        {"SIMPLE_DIVISION", "DIVISION"}};
+    if (const auto simple = kSimple.find(name); simple != kSimple.end()) {
       values.insert(values.begin(), values[0]);
-      name = name == "SIMPLE_PINHOLE" ? "PINHOLE" : "OPENCV";
+      name = simple->second;
     }
-    if (values.size() < 4) {
-      throw InputError("{}: expected at least f, cx, cy", camera.where);
-    }
+    if (values.size() < 4) throw InputError("{}: expected at least fx, fy, cx, cy", camera.where);
     cameras.push_back(
         FromLens(LensOfNumbers(name, values), camera.image_size, ColmapLenses(), camera.where));
     cameras.back().name = fmt::format("camera{}", camera.id);

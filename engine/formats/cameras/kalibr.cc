@@ -3,7 +3,10 @@
 // camchain of Kalibr. T_cn_cnm1 maps camera n-1 to camera n. Double sphere: xi alpha fu fv pu pv.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <iterator>
 
 #include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
@@ -27,31 +30,43 @@ const LensTable& KalibrLenses() {
                                  {"fov", "pinhole fov", "omega"},
                                  {"eucm", "eucm none", "alpha beta"},
                                  {"double-sphere", "ds none", "xi alpha"},
-                                 {"ucm", "omni none", "alpha"}}};
+                                 {"ucm", "omni none", "alpha"},
+                                 {"ucm+radtan", "omni radtan", "alpha k_1 k_2 p_1 p_2"}}};
   return kTable;
 }
 
-/// Kalibr's omni without distortion is the unified model by other parameters (models/ucm.h).
+/// Kalibr's omni is the unified model by other parameters (models/ucm.h); its plane, which
+/// distortion acts on, is 1 - alpha of ours. `scale` of its numbers against ours.
+Lens ScaledPlane(const Lens& lens, double scale, double first) {
+  Lens scaled = lens;
+  scaled.f_x *= scale;
+  scaled.f_y *= scale;
+  scaled.coefficients[0] = first;
+  const std::array<double, 4> powers{2, 4, 1, 1};  // of k_1 k_2 p_1 p_2
+  for (size_t i = 1; i < scaled.coefficients.size(); ++i) {
+    scaled.coefficients[i] *= std::pow(scale, powers.at(i - 1));
+  }
+  return scaled;
+}
+
 Lens ToOmni(const Lens& ucm) {
-  const double scale = 1 / (1 - ucm.coefficients[0]);
-  return {
-      ucm.name, scale * ucm.f_x, scale * ucm.f_y, ucm.c_x, ucm.c_y, {scale * ucm.coefficients[0]}};
+  const double alpha = ucm.coefficients[0];
+  return ScaledPlane(ucm, 1 / (1 - alpha), alpha / (1 - alpha));
 }
 
 Lens FromOmni(const Lens& omni, const YamlNode& node) {
   if (omni.coefficients.empty()) node.At("intrinsics").Fail("expected xi fu fv pu pv");
-  for (size_t i = 1; i < omni.coefficients.size(); ++i) {
-    if (omni.coefficients[i] == 0) continue;
-    node.At("camera_model")
-        .Fail(
-            "omni with distortion is no camera model of this plenocal; calibrate again with "
-            "Kalibr's ds-none or eucm-none, or give its images or detections to 'plenocal "
-            "calibrate'");
+  if (omni.coefficients.size() > 5) {
+    node.At("distortion_coeffs").Fail("expected k1 k2 p1 p2 of omni");
   }
   const double xi = omni.coefficients[0];
   if (!(xi > -1)) node.At("intrinsics").Fail("expected xi above -1");
-  return {
-      "omni none", omni.f_x / (1 + xi), omni.f_y / (1 + xi), omni.c_x, omni.c_y, {xi / (1 + xi)}};
+  Lens lens = ScaledPlane(omni, 1 / (1 + xi), xi / (1 + xi));
+  const bool is_plain = std::all_of(lens.coefficients.begin() + 1,
+                                    lens.coefficients.end(),
+                                    [](double value) { return value == 0; });
+  lens.name = is_plain ? "omni none" : "omni radtan";
+  return lens;
 }
 
 std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
@@ -59,12 +74,15 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     const CalibratedCamera& camera = cameras[i];
     Lens lens = ToLens(camera, KalibrLenses());
-    if (lens.name == "omni none") lens = ToOmni(lens);
+    if (lens.name.starts_with("omni")) lens = ToOmni(lens);
     const size_t blank = lens.name.find(' ');
     const std::string projection = lens.name.substr(0, blank);
     // A projection's own parameters come before the focal lengths, distortion apart.
-    std::vector<double> intrinsics, distortion;
-    (projection == "pinhole" ? distortion : intrinsics) = lens.coefficients;
+    const auto own =
+        lens.coefficients.begin() +
+        (projection == "pinhole" ? 0 : (projection == "omni" ? 1 : std::ssize(lens.coefficients)));
+    std::vector<double> intrinsics(lens.coefficients.begin(), own),
+        distortion(own, lens.coefficients.end());
     for (const double value : {lens.f_x, lens.f_y, lens.c_x, lens.c_y}) intrinsics.push_back(value);
     text += fmt::format("cam{}:\n", i);
     if (i > 0) {

@@ -26,6 +26,8 @@ export interface Trial {
   kind: "trial";
   recommendation: string;
   target: string;
+  /** What the residuals of the recommended model contain, in sentences; may be empty. */
+  missing: string;
   frames: number;
   folds: number;
   points: number;

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Camera models of other programs: their projections beside those of the cameras that `plenocal import` makes of their files.
+
+    bench/equivalence [--draws 200]
+
+Each line is one of a program's models: 1000 points inside both domains for each of the drawn parameter sets, the largest
+difference in px (docs/exchange.md). Written back by `plenocal export` the numbers are those of the file. Run by an interpreter that
+has the Python module `plenocal`, numpy and what is compared: `pip install pycolmap opencv-contrib-python-headless
+projectaria-tools`; a program that is missing is left out with a message.
+"""
+import pathlib
+import sys
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import common
+
+POINTS = 1000
+WIDTH, HEIGHT = 1280, 960
+
+
+def directions(random, degrees):
+    """(POINTS, 3): within so many degrees of the axis, at 0.2 to 5 m."""
+    theta = np.radians(degrees) * np.sqrt(random.uniform(0, 1, POINTS))
+    phi = random.uniform(0, 2 * np.pi, POINTS)
+    ray = np.column_stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    return ray * random.uniform(0.2, 5, (POINTS, 1))
+
+
+def imported(plenocal, place, name, content, style):
+    (place / name).write_text(content)
+    plenocal.run(["import", place / name, "--format", style, "-o", place / "imported"])
+    return plenocal.Calibration(place / "imported/calibration.yaml")
+
+
+def intrinsics(random, one_focal_length=False):
+    f = random.uniform(300, 700)
+    centre = [WIDTH / 2 + random.uniform(-20, 20), HEIGHT / 2 + random.uniform(-20, 20)]
+    return [f, *centre] if one_focal_length else [f, f * random.uniform(0.98, 1.02), *centre]
+
+
+# Sizes of the coefficients after the intrinsics, in the program's order, and the angle that is seen.
+COLMAP = {
+    "SIMPLE_PINHOLE": ([], 45), "PINHOLE": ([], 45), "SIMPLE_RADIAL": ([0.1], 35), "RADIAL": ([0.1, 0.03], 35),
+    "OPENCV": ([0.1, 0.03, 1e-3, 1e-3], 35), "FULL_OPENCV": ([0.1, 0.03, 1e-3, 1e-3, 0.01, 0.05, 0.01, 0.003], 35),
+    "OPENCV_FISHEYE": ([0.05, 0.02, 0.005, 0.001], 70), "SIMPLE_FISHEYE": ([], 80), "FISHEYE": ([], 80),
+    "SIMPLE_RADIAL_FISHEYE": ([0.05], 70), "RADIAL_FISHEYE": ([0.05, 0.01], 70),
+    "THIN_PRISM_FISHEYE": ([0.05, 0.01, 1e-3, 1e-3, 0.005, 0.001, 1e-3, 1e-3], 60),
+    "RAD_TAN_THIN_PRISM_FISHEYE": ([0.05, 0.02, 0.005, 0.001, 3e-4, 1e-4, 1e-3, 1e-3, 1e-3, 3e-4, 1e-3, 3e-4], 60),
+    "FOV": ([], 60), "SIMPLE_DIVISION": ([0.1], 40), "DIVISION": ([0.1], 40), "EUCM": ([], 70),
+}
+
+
+def colmap(plenocal, random, place, name):
+    import pycolmap
+    sizes, degrees = COLMAP[name]
+    numbers = intrinsics(random, name.startswith("SIMPLE") or name.startswith("RADIAL"))
+    numbers += [size * random.uniform(-1, 1) for size in sizes]
+    if name == "FOV":
+        numbers.append(random.uniform(0.3, 1.2))
+    if name == "EUCM":
+        numbers += [random.uniform(0.3, 0.7), random.uniform(0.8, 1.2)]
+    text = f"1 {name} {WIDTH} {HEIGHT} {' '.join(map(repr, map(float, numbers)))}\n"
+    camera = imported(plenocal, place, "cameras.txt", text, "colmap").cameras[0]
+    theirs = pycolmap.Camera(model=name, width=WIDTH, height=HEIGHT, params=numbers)
+    points = directions(random, degrees)
+    seen = np.array([np.full(2, np.nan) if at is None else at for at in (theirs.img_from_cam(p) for p in points)], float).reshape(-1, 2)
+    return camera, points, seen - 0.5  # its first pixel has its centre at 0.5
+
+
+def opencv14(plenocal, random, place, name):
+    import cv2
+    f_x, f_y, c_x, c_y = intrinsics(random)
+    sizes = [0.1, 0.03, 1e-3, 1e-3, 0.01, 0.05, 0.01, 0.003, 1e-3, 3e-4, 1e-3, 3e-4, 0.05, 0.05]
+    D = np.array([size * random.uniform(-1, 1) for size in sizes])
+    K = np.array([[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]])
+    matrix = lambda rows, data: (f"!!opencv-matrix\n   rows: {rows}\n   cols: {len(data) // rows}\n   dt: d\n   data: "
+                                 f"[ {', '.join(repr(float(v)) for v in data)} ]\n")
+    text = (f"%YAML:1.0\n---\nimage_width: {WIDTH}\nimage_height: {HEIGHT}\ncamera_matrix: {matrix(3, K.ravel())}"
+            f"distortion_coefficients: {matrix(1, D)}")
+    camera = imported(plenocal, place, "camera.yaml", text, "opencv").cameras[0]
+    points = directions(random, 35)
+    return camera, points, cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
+
+
+def omnidir(plenocal, random, place, name):
+    """Of Kalibr's file, since OpenCV has none of its own; both have the equations of Mei and Rives."""
+    import cv2
+    f_x, f_y, c_x, c_y = intrinsics(random)
+    xi, D = random.uniform(0.2, 1.8), np.array([0.05, 0.01, 1e-3, 1e-3]) * random.uniform(-1, 1, 4)
+    numbers = lambda values: ", ".join(repr(float(v)) for v in values)
+    text = (f"cam0:\n  camera_model: omni\n  intrinsics: [{numbers([xi, f_x, f_y, c_x, c_y])}]\n  distortion_model: radtan\n"
+            f"  distortion_coeffs: [{numbers(D)}]\n  resolution: [{WIDTH}, {HEIGHT}]\n")
+    camera = imported(plenocal, place, "camchain.yaml", text, "kalibr").cameras[0]
+    points = directions(random, 60)
+    K = np.array([[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]])
+    # cv2 calls the model omnidir and takes single precision points only: double ones are float64 arrays (N, 1, 3).
+    seen = cv2.omnidir.projectPoints(points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), K, xi, D.reshape(1, 4))[0]
+    return camera, points, seen.reshape(-1, 2)
+
+
+PROGRAMS = {
+    "COLMAP (pycolmap)": ("pycolmap", colmap, list(COLMAP)),
+    "OpenCV": ("cv2", opencv14, ["14 coefficients"]),
+    "OpenCV contrib": ("cv2.omnidir", omnidir, ["omnidir, Kalibr omni-radtan"]),
+}
+
+
+def main():
+    arguments = common.parser(__doc__, None)
+    arguments.add_argument("--draws", type=int, default=200)
+    arguments = arguments.parse_args()
+    try:
+        import plenocal
+    except ImportError:
+        sys.exit("no Python module plenocal: set PYTHONPATH to build/release/python, or install the wheel")
+    common.head("program", "its model", "in Plenocal", "largest difference, px", "points")
+    for program, (module, compare, names) in PROGRAMS.items():
+        try:
+            __import__(module.split(".")[0])
+        except ImportError:
+            print(f"no {module}: {program} is left out", file=sys.stderr)
+            continue
+        for name in names:
+            random, largest, count, models = np.random.default_rng(1), 0.0, 0, set()
+            for _ in range(arguments.draws):
+                with common.folder() as place:
+                    camera, points, seen = compare(plenocal, random, place, name)
+                difference = np.linalg.norm(camera.project(points) - seen, axis=1)
+                inside = np.isfinite(difference)
+                largest = max(largest, difference[inside].max(initial=0))
+                count += int(inside.sum())
+                models.add(camera.model)
+            common.row(program, f"`{name}`", ", ".join(f"`{model}`" for model in sorted(models)), f"{largest:.1e}", count)
+
+
+if __name__ == "__main__":
+    main()

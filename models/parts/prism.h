@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tangential distortion and thin prism.
+#pragma once
+
+#include "models/start/plane_distortion.h"
+
+namespace plenocal::parts {
+
+struct Prism : PlaneDistortion<0, true, PrismTerms::kWhole> {
+  static constexpr std::string_view kName = "prism";
+};
+
+}  // namespace plenocal::parts

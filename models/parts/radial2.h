@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Two radial coefficients.
+#pragma once
+
+#include "models/start/plane_distortion.h"
+
+namespace plenocal::parts {
+
+struct Radial2 : PlaneDistortion<2, false, PrismTerms::kNone> {
+  static constexpr std::string_view kName = "radial2";
+};
+
+}  // namespace plenocal::parts

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a part of a lens is: a map of the plane at distance 1, after the lens and before the focal
+// length. "ucm+radtan+tilt" is the lens `ucm` with two parts, which act in this order.
+//
+// A part is a header in models/parts/ with a struct P, named like the file in CamelCase, of
+//   static constexpr std::string_view kName, kSource;
+//   static constexpr std::array<Param, n> kParams;   each with a neutral value
+//   static constexpr std::array<double, n> kExample;
+//   template <typename T> static bool Map(const T* a, const T* m, T* mapped);
+//   static std::optional<Eigen::Vector2d> Unmap(const double* a, const Eigen::Vector2d& mapped);
+// `Map` is false outside the domain.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "calib/camera/camera_model.h"
+
+namespace plenocal {
+
+inline constexpr size_t kMostPartParams = 8;
+
+/// The table of a part: data and functions.
+struct LensPart {
+  std::string_view name;    ///< as in "lens+name"
+  std::string_view source;  ///< publication and equations
+  std::span<const Param> params;
+  std::span<const double> example;
+  bool (*map)(const double* a, const double* m, double* mapped) = nullptr;
+  /// `map` with derivatives by m_x, m_y and the parameters: 2 x (2 + n), by rows.
+  bool (*map_with_jacobian)(const double* a, const double* m, double* mapped, double* J) = nullptr;
+  std::optional<Eigen::Vector2d> (*unmap)(const double* a, const Eigen::Vector2d& mapped) = nullptr;
+};
+
+template <typename P>
+constexpr LensPart MakeLensPart() {
+  static_assert(P::kParams.size() <= kMostPartParams && P::kParams.size() == P::kExample.size());
+  return {
+      .name = P::kName,
+      .source = P::kSource,
+      .params = P::kParams,
+      .example = P::kExample,
+      .map = [](const double* a, const double* m, double* mapped) { return P::Map(a, m, mapped); },
+      .map_with_jacobian =
+          [](const double* a, const double* m, double* mapped, double* J) {
+            constexpr int n = static_cast<int>(P::kParams.size());
+            using Jet = ceres::Jet<double, n + 2>;
+            std::array<Jet, n> a_jet;
+            for (int i = 0; i < n; ++i) a_jet[static_cast<size_t>(i)] = Jet(a[i], 2 + i);
+            const Jet m_jet[2] = {Jet(m[0], 0), Jet(m[1], 1)};
+            Jet out[2];
+            if (!P::Map(a_jet.data(), m_jet, out)) return false;
+            for (int r = 0; r < 2; ++r) {
+              mapped[r] = out[r].a;
+              for (int i = 0; i < n + 2; ++i) J[r * (n + 2) + i] = out[r].v[i];
+            }
+            return true;
+          },
+      .unmap = [](const double* a, const Eigen::Vector2d& mapped) { return P::Unmap(a, mapped); }};
+}
+
+}  // namespace plenocal

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Families that residuals contain: those of cameras that have them, and none of those that have
+// not.
+#include "assess/missing/missing_families.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "models/registry.h"
+#include "tests/calib/random.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr double kNoise = 0.1;  // px
+
+// A problem whose camera has a part more than its own model, of these numbers.
+SyntheticProblem WithPart(unsigned seed,
+                          const std::string& part,
+                          const std::vector<double>& numbers) {
+  SyntheticProblem problem = MakeProblem(seed, {.frames = 20, .noise = kNoise});
+  const CameraModel& model = *FindModel(CameraModels(), "pinhole-radial3+" + part);
+  std::vector<double> params = problem.params[0];
+  params.insert(params.end(), numbers.begin(), numbers.end());
+  Random random(seed + 1);
+  for (View& view : problem.input.cameras[0].views) {
+    for (Observation& seen : view.observations) {
+      const Eigen::Vector3d p =
+          problem.T_rig_target.at(view.frame) * problem.markers.at(seen.marker);
+      EXPECT_TRUE(model.Project(params.data(), nullptr, nullptr, p, seen.values.data()));
+      for (size_t k = 0; k < 2; ++k) seen.values[k] += random.Gaussian(kNoise);
+    }
+  }
+  return problem;
+}
+
+std::vector<MissingFamily> MissingOf(const SyntheticProblem& problem) {
+  return FindMissingFamilies(Calibrate(problem.input, {}), 0);
+}
+
+// In how many of some cameras one of the families comes first.
+int FirstIn(int cameras,
+            const std::vector<std::string>& families,
+            const std::string& part,
+            const std::vector<double>& numbers) {
+  int first = 0;
+  for (int seed = 0; seed < cameras; ++seed) {
+    const std::vector<MissingFamily> missing =
+        MissingOf(WithPart(static_cast<unsigned>(20 + seed), part, numbers));
+    first += !missing.empty() && std::ranges::count(families, missing[0].family) > 0 ? 1 : 0;
+  }
+  return first;
+}
+
+TEST(MissingFamilies, AreNoneOfACameraThatHasItsModel) {
+  int alarms = 0;
+  constexpr int kCameras = 40;
+  for (unsigned seed = 0; seed < kCameras; ++seed) {
+    alarms += MissingOf(MakeProblem(seed, {.frames = 20, .noise = kNoise})).empty() ? 0 : 1;
+  }
+  EXPECT_LE(alarms, 6);  // 2 expected; more in one of 70 runs
+}
+
+TEST(MissingFamilies, AreNamedFirst) {
+  constexpr int kCameras = 10, kMost = 9;
+  EXPECT_GE(FirstIn(kCameras, {"skew"}, "skew", {1e-3}), kMost);
+  // These three differ little over the image.
+  const std::vector<std::string> asymmetric{"decentring", "prism", "tilt"};
+  EXPECT_GE(FirstIn(kCameras, asymmetric, "prism", {0, 0, 4e-3, 0, -3e-3, 0}), kMost);
+  EXPECT_GE(FirstIn(kCameras, asymmetric, "prism", {3e-3, -3e-3, 0, 0, 0, 0}), kMost);
+  EXPECT_GE(FirstIn(kCameras, asymmetric, "tilt", {0.02, -0.01}), kMost);
+}
+
+TEST(MissingFamilies, NameTheModelToTryAndWhatItGains) {
+  SyntheticProblem problem = MakeProblem(3, {.frames = 20, .noise = kNoise});
+  CameraInput& camera = problem.input.cameras[0];
+  camera.model = FindModel(CameraModels(), "pinhole");
+  camera.initial.resize(4);
+  camera.fixed.resize(4);
+  const std::vector<MissingFamily> missing = MissingOf(problem);
+  ASSERT_FALSE(missing.empty());
+  EXPECT_EQ(missing[0].family, "radial");
+  EXPECT_EQ(missing[0].remedy, "try pinhole+radial4");
+  EXPECT_GT(missing[0].gain, kNoise);
+  EXPECT_LT(missing[0].probability, 1e-6);
+  EXPECT_THAT(MissingText(missing), HasSubstr("cam0: the residuals contain radial terms ("));
+  EXPECT_EQ(MissingText({}), "");
+}
+
+TEST(MissingFamilies, ABentTargetIsNoLens) {
+  int lenses = 0, boards = 0;
+  constexpr int kCameras = 10;
+  for (unsigned seed = 0; seed < kCameras; ++seed) {
+    SyntheticProblem problem = WithPart(seed, "skew", {0});
+    Random random(seed);
+    const CameraModel& model = *problem.input.cameras[0].model;
+    for (View& view : problem.input.cameras[0].views) {
+      for (Observation& seen : view.observations) {
+        Eigen::Vector3d X = problem.markers.at(seen.marker);
+        X.z() += 0.02 * std::pow(X.x() - 0.135, 2);  // 0.4 mm at its edge
+        ASSERT_TRUE(model.Project(problem.params[0].data(),
+                                  nullptr,
+                                  nullptr,
+                                  problem.T_rig_target.at(view.frame) * X,
+                                  seen.values.data()));
+        for (size_t k = 0; k < 2; ++k) seen.values[k] += random.Gaussian(kNoise);
+      }
+    }
+    const std::vector<MissingFamily> missing = MissingOf(problem);
+    if (missing.empty()) continue;
+    (missing[0].family == "board" ? boards : lenses) += 1;
+  }
+  EXPECT_EQ(lenses, 0);
+  EXPECT_GE(boards, 8);
+}
+
+TEST(MissingFamilies, NeedSeveralViews) {
+  EXPECT_THAT(MissingOf(MakeProblem(1, {.frames = 3, .noise = kNoise})), IsEmpty());
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
