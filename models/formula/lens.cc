@@ -87,6 +87,7 @@ class RadiusLens : public LensFormula {
       return DerivativesBy(&nodes.graph, nodes.outputs, begin, end);
     };
     const std::vector<int> radius = Joined({nodes.outputs, by(0, 1)});
+    radius_ = Tape(nodes.graph, nodes.outputs, 1);
     value_ = Tape(nodes.graph, radius, 1);
     domain_ = Tape(nodes.graph, Joined({radius, nodes.conditions}), 1);
     conditions_ = nodes.conditions.size();
@@ -98,15 +99,17 @@ class RadiusLens : public LensFormula {
     constexpr double kOnAxis = 1e-140;  // its square has few digits
     const double edge = Edge(k);
     std::array<double, kBlock> variable, r;
+    bool slopes = need != Need::kValue;
     for (size_t i = 0; i < block->count; ++i) {
       r[i] = std::sqrt(X[i] * X[i] + Y[i] * Y[i]);
+      slopes = slopes || r[i] < kOnAxis;
       variable[i] = of_angle_ ? std::atan2(r[i], Z[i]) : r[i] / Z[i];
       block->inside[i] = (Z[i] > 0 || (of_angle_ && r[i] >= kOnAxis)) && variable[i] < edge;
     }
-    const auto values =
-        (need == Need::kAll ? all_ : value_).Evaluate(variable.data(), k, block->count);
+    const Tape& tape = need == Need::kAll ? all_ : slopes ? value_ : radius_;
+    const auto values = tape.Evaluate(variable.data(), k, block->count);
     for (size_t i = 0; i < block->count; ++i) {
-      const double slope = values[1][i];
+      const double slope = slopes ? values[1][i] : 0;
       const bool on_axis = r[i] < kOnAxis;
       const double gain = on_axis ? slope / Z[i] : values[0][i] / r[i];
       block->m[i] = X[i] * gain;
@@ -217,7 +220,7 @@ class RadiusLens : public LensFormula {
 
   size_t count_ = 0, conditions_ = 0;
   bool of_angle_ = true;
-  Tape value_, domain_, all_;
+  Tape radius_, value_, domain_, all_;
   DomainEdge edge_;
 };
 
@@ -238,16 +241,13 @@ class MapLens : public LensFormula {
   }
 
   void Map(const double* k, Need need, LensBlock* block) const override {
-    const double reach = conditions_ > 0 ? 0 : std::cos(Reach(k));
-    Evaluate(k, need, block);
-    if (conditions_ > 0) return;
-    std::array<bool, kBlock> inside = block->inside;
-    for (size_t i = 0; i < block->count; ++i) {
+    const double reach = conditions_ > 0 ? -1 : std::cos(Reach(k));
+    Evaluate(k, need, /*tests_turn=*/false, block);
+    for (size_t i = 0; conditions_ == 0 && i < block->count; ++i) {
       const Eigen::Vector3d p(block->p[i], block->p[kBlock + i], block->p[2 * kBlock + i]);
-      // p is not needed after this, and the values have been copied.
-      if (inside[i] && p.z() < reach * p.norm()) inside[i] = IsClearTo(k, p);
+      // The values have been copied.
+      if (block->inside[i] && p.z() < reach * p.norm()) block->inside[i] = IsClearTo(k, p);
     }
-    block->inside = inside;
   }
 
   [[nodiscard]] std::optional<Eigen::Vector3d> Unmap(const double* k,
@@ -281,17 +281,17 @@ class MapLens : public LensFormula {
     return size;
   }
 
-  // m and its derivatives; inside are points with finite values that obey the conditions or, when
-  // there are none, where the map keeps its orientation.
-  void Evaluate(const double* k, Need need, LensBlock* block) const {
-    const bool slopes = need != Need::kValue || conditions_ == 0;
+  // m and its derivatives; inside are points with finite values that obey the conditions and, with
+  // `tests_turn`, where the map keeps its orientation.
+  void Evaluate(const double* k, Need need, bool tests_turn, LensBlock* block) const {
+    const bool slopes = need != Need::kValue || tests_turn;
     const Tape& tape = need == Need::kAll ? all_ : slopes ? point_ : value_;
     const auto values = tape.Evaluate(block->p.data(), k, block->count);
     const size_t first = 2 + conditions_;
     for (size_t i = 0; i < block->count; ++i) {
       bool inside = std::isfinite(values[0][i]) && std::isfinite(values[1][i]);
       for (size_t j = 0; j < conditions_; ++j) inside = inside && values[2 + j][i] != 0;
-      if (conditions_ == 0) {
+      if (tests_turn) {
         const auto by_p = [&](size_t row) {
           return Eigen::Vector3d(values[first + 3 * row][i],
                                  values[first + 3 * row + 1][i],
@@ -327,12 +327,12 @@ class MapLens : public LensFormula {
           i,
           &block);
     }
-    Evaluate(k, Need::kValue, &block);
+    Evaluate(k, Need::kValue, /*tests_turn=*/true, &block);
     return static_cast<size_t>(std::ranges::find(block.inside, false) - block.inside.begin());
   }
   bool IsClearTo(const double* k, const Eigen::Vector3d& p) const {
     const double angle = std::atan2(std::hypot(p.x(), p.y()), p.z());
-    return StepsInside(k, angle, std::atan2(p.y(), p.x())) >= kBlock - 1;
+    return StepsInside(k, angle, std::atan2(p.y(), p.x())) == kBlock;
   }
   // The angle up to which all directions are inside, whatever their azimuth.
   double Reach(const double* k) const {
