@@ -17,19 +17,23 @@
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "calib/base/number_text.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 
 namespace plenocal {
 namespace {
 
 constexpr std::string_view kPlugin = "--plugin";
+constexpr std::string_view kModelFile = "--model-file";
 constexpr const char* kPluginVariable = "PLENOCAL_PLUGINS";  // files, separated by colons
 
-/// The arguments from the command on: those before it are `--plugin FILE`.
+/// The arguments from the command on: those before it are `--plugin FILE` and `--model-file FILE`.
 std::span<char*> FromCommand(int argc, char** argv) {
   std::span<char*> arguments(argv, static_cast<size_t>(argc));
   arguments = arguments.subspan(std::min<size_t>(1, arguments.size()));
-  while (arguments.size() > 1 && arguments[0] == kPlugin) arguments = arguments.subspan(2);
+  while (arguments.size() > 1 && (arguments[0] == kPlugin || arguments[0] == kModelFile)) {
+    arguments = arguments.subspan(2);
+  }
   return arguments;
 }
 
@@ -84,12 +88,16 @@ void RefuseEmptyTexts(const CLI::App& command) {
 [[noreturn]] void RefuseArguments(const CLI::App& app,
                                   const CLI::ParseError& error,
                                   std::span<char*> arguments) {
-  const bool late_plugin = std::ranges::any_of(arguments, [](const char* argument) {
-    return std::string_view(argument).starts_with(kPlugin);
-  });
-  if (late_plugin) {
-    throw InputError(
-        "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
+  for (const std::string_view argument : arguments) {
+    if (argument.starts_with(kPlugin)) {
+      throw InputError(
+          "--plugin stands before the command: plenocal --plugin ./libmine.so COMMAND ...");
+    }
+    if (argument.starts_with(kModelFile)) {
+      throw InputError(
+          "--model-file stands before the command: plenocal --model-file mine.model.yaml COMMAND "
+          "...");
+    }
   }
   const CLI::App* command = &app;
   std::string path = app.get_name();
@@ -144,6 +152,11 @@ CommandLine::CommandLine()
           plugins_,
           "shared library with more camera models (docs/new_model.md); before the command, may stand several times; the environment variable PLENOCAL_PLUGINS names more, separated by colons")
       ->allow_extra_args(false);
+  app_->add_option(
+          std::string(kModelFile),
+          model_files_,
+          "file with formulas of camera models (docs/new_model.md); before the command, may stand several times")
+      ->allow_extra_args(false);
 }
 
 CommandLine::~CommandLine() = default;
@@ -180,10 +193,14 @@ RunCommand CommandLine::Parse(int argc, char** argv) {
     const std::vector<std::string> more = PluginsOfEnvironment(plugins_);
     for (const std::string& plugin : more) AddModelsOfEnvironment(plugin);
     for (const std::string& plugin : plugins_) AddCameraModels(plugin);
+    for (const std::string& file : model_files_) AddModelFile(file);
     for (const auto& plugins : {more, plugins_}) {
       for (const std::string& plugin : plugins) {
         shared_.program += fmt::format(" {} {}", kPlugin, plugin);
       }
+    }
+    for (const std::string& file : model_files_) {
+      shared_.program += fmt::format(" {} {}", kModelFile, file);
     }
     commands_.at(app_->get_subcommands().front())();
   };

@@ -14,7 +14,7 @@
 
 namespace plenocal {
 
-/// The arguments of the program: `--plugin` before the command, the command and its options.
+/// The arguments of the program: `--plugin` and `--model-file` before the command, the command and its options.
 class CommandLine {
  public:
   CommandLine();
@@ -31,7 +31,7 @@ class CommandLine {
 
   std::unique_ptr<CLI::App> app_;
   ConsoleOptions shared_;
-  std::vector<std::string> plugins_;
+  std::vector<std::string> plugins_, model_files_;
   std::map<const CLI::App*, RunCommand> commands_;
 };
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 
 #include "calib/base/error.h"
 #include "calib/base/names.h"
@@ -14,6 +15,7 @@
 #include "calib/base/quoted_text.h"
 #include "calib/files/checks/correlation_check.h"
 #include "calib/files/checks/transform_keys.h"
+#include "calib/io/model_formulas.h"
 
 namespace plenocal {
 namespace {
@@ -534,10 +536,30 @@ std::vector<Finding> ReadWarnings(const YamlNode& root) {
   return findings;
 }
 
+// `models`: the formulas of the models that the cameras use, if any.
+std::string FormulasYaml(const std::vector<CalibratedCamera>& cameras) {
+  std::map<std::string_view, std::string> texts;
+  for (const CalibratedCamera& camera : cameras) {
+    if (const auto formula = FindModelFormula(camera.model->name)) {
+      texts[camera.model->name] = formula->text;
+    }
+  }
+  std::string all = texts.empty() ? "" : "models:\n";
+  for (const auto& [name, text] : texts) {
+    all += fmt::format("  {}:\n", name);
+    for (size_t begin = 0; begin < text.size();) {
+      const size_t end = text.find('\n', begin);
+      all += "    " + text.substr(begin, end - begin) + "\n";
+      begin = end + 1;
+    }
+  }
+  return all;
+}
+
 }  // namespace
 
 std::string CalibrationYaml(const CalibrationRecord& calibration) {
-  std::string text = "plenocal: 1\ncameras:\n";
+  std::string text = "plenocal: 1\n" + FormulasYaml(calibration.cameras) + "cameras:\n";
   for (const CalibratedCamera& camera : calibration.cameras) {
     text += CameraYaml(camera, calibration.adjustment.has_value());
   }
@@ -626,9 +648,10 @@ const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> 
   } catch (const Error& error) {
     node.Fail(error.what());
   }
-  node.Fail(fmt::format("unknown camera model '{}'{} (a model from outside needs --plugin FILE)",
-                        name,
-                        SuggestName(name, NamesOf(models))));
+  node.Fail(fmt::format(
+      "unknown camera model '{}'{} (a model from outside needs --plugin or --model-file FILE)",
+      name,
+      SuggestName(name, NamesOf(models))));
 }
 
 ImageSize ReadImageSize(const YamlNode& node) {

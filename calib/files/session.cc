@@ -500,7 +500,7 @@ Session ReadRoot(const YamlNode& root,
   root.CheckVersion();
   root.CheckKeys(
       Words("plenocal target targets scene from extrinsics_only cameras options exclude pairing "
-            "plugins distances"));
+            "plugins models distances"));
   static constexpr std::array<std::string_view, 2> kRequired{"target", "cameras"};
   const bool has_scene = root.Has("scene") || root.Has("targets");
   root.RequireKeys(

@@ -7,6 +7,7 @@
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
 #include "calib/io/yaml.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -32,11 +33,17 @@ void ReadRefinedTarget(const fs::path& path, CalibrationRecord* calibration) {
   }
 }
 
+// After the formulas that the file carries.
+CalibrationRecord ReadWithModels(const fs::path& path) {
+  AddFormulaModels(path);
+  return ReadCalibration(path, CameraModels());
+}
+
 }  // namespace
 
 CalibrationRecord OpenCalibration(const fs::path& path) {
   CompleteResults(path);
-  return ReadCalibration(path, CameraModels());
+  return ReadWithModels(path);
 }
 
 CalibrationRecord OpenWithCorrelations(const fs::path& path) {
@@ -59,8 +66,7 @@ CalibrationRecord OpenCalibrationFolder(const fs::path& folder) {
                      folder.string());
   }
   CompleteResults(folder);
-  CalibrationRecord calibration =
-      ReadCalibration(Required(folder, "calibration.yaml"), CameraModels());
+  CalibrationRecord calibration = ReadWithModels(Required(folder, "calibration.yaml"));
   if (calibration.HasScene()) {
     for (const auto& [number, position] : ReadScenePoints(Required(folder, "points.csv"))) {
       calibration.markers[number] = {.position = position};

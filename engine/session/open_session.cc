@@ -6,6 +6,7 @@
 #include "calib/files/frame_images.h"
 #include "calib/io/output_folder.h"
 #include "engine/recording/stores/image_lister.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -31,6 +32,7 @@ void CompleteNamedResults(const Session& session) {
 Session OpenSession(const std::filesystem::path& path) {
   CompleteResults(path);
   for (const std::filesystem::path& plugin : ReadSessionPlugins(path)) AddCameraModels(plugin);
+  AddFormulaModels(path);
   Session session = ReadSession(path, CameraModels());
   CompleteNamedResults(session);
   return session;

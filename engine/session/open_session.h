@@ -11,7 +11,7 @@
 
 namespace plenocal {
 
-/// Reads a session after the camera models of its `plugins`, and completes the results of earlier
+/// Reads a session after the camera models of its `plugins` and `models`, and completes the results of earlier
 /// runs in its folder and in those of the files that it names (calib/io/output_folder.h). Throws
 /// `Error` with file, line and key.
 Session OpenSession(const std::filesystem::path& path);

@@ -71,7 +71,8 @@ struct Child {
 const std::map<std::string, std::vector<Child>>& Children() {
   static const std::map<std::string, std::vector<Child>> kChildren{
       {"Keys of calibration.yaml",
-       {{"cameras", Below::kMapOfMaps, "Keys of a camera in calibration.yaml"},
+       {{"models", Below::kFree},
+        {"cameras", Below::kMapOfMaps, "Keys of a camera in calibration.yaml"},
         {"adjustment", Below::kMap, "Keys of `adjustment`"},
         {"jitter", Below::kMap, "Keys of `jitter`"},
         {"undetermined", Below::kListOfMaps, "Keys of an item of `undetermined`"},
@@ -368,6 +369,15 @@ TEST_F(FormatsPage, HasTheKeysOfSessions) {
                     "Keys of a distance in `distances`");
 }
 
+TEST_F(FormatsPage, HasTheKeysOfFormulas) {
+  const auto expect = [&](const std::string& text, const std::string& heading) {
+    Write("mine.model.yaml", "models: {mine: " + text + "}\n");
+    ExpectKnownKeys({"--model-file", "mine.model.yaml", "models"}, {heading});
+  };
+  expect("{qqqq: 1}", "Keys of a formula in `models`");
+  expect("{radius: theta, params: {k: {qqqq: 1}}}", "Keys of a parameter in `params`");
+}
+
 TEST_F(FormatsPage, HasTheKeysOfTargets) {
   for (const char* type : {"chessboard", "charuco", "circles", "aprilgrid", "apriltag"}) {
     ExpectTargetKeys(fmt::format("plenocal: 1\ntype: {}\nqqqq: 1\n", type),
@@ -570,6 +580,15 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   SeeCalibrationOf(
       {"convert", "set/truth/calibration.yaml", "--camera", "left", "--to", "pinhole"});
   SeeColumns("out/conversion_errors.csv", "Columns of conversion_errors.csv");
+  Write("mine.model.yaml", "models: {mine: {radius: theta}}\n");
+  SeeCalibrationOf({"--model-file",
+                    "mine.model.yaml",
+                    "convert",
+                    "set/truth/calibration.yaml",
+                    "--camera",
+                    "left",
+                    "--to",
+                    "mine"});
   SeeCalibrationOf({"map", "set/truth/calibration.yaml", "--camera", "left"});
   WriteProblem(EasyProblem(2));
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "rig", "--no-report"}).status, kDone);

@@ -8,6 +8,7 @@
 #include "calib/base/format_error.h"
 #include "engine/session/open_session.h"
 #include "models/check/model_properties.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 #include "models/start/lens_with_parts.h"
 
@@ -89,13 +90,16 @@ constexpr const char* kCheckHelp =
     "runs the tests of the models of this project on any model, at its example parameters.";
 
 RunCommand DeclareModels(CLI::App* app, ConsoleOptions* /*shared*/) {
-  const auto checked = std::make_shared<std::string>();
+  const auto checked = std::make_shared<std::string>(), header = std::make_shared<std::string>();
   app->require_subcommand(0, 1);
+  app->add_option("--header", *header, "print a C++ header of the model of a formula");
   CLI::App* const check = app->add_subcommand("check", kCheckHelp);
   check->add_option("name", *checked, "camera model")->required();
-  return [checked, check] {
+  return [checked, header, check] {
     if (check->parsed()) {
       RunModelCheck(*checked);
+    } else if (!header->empty()) {
+      fmt::print("{}", FormulaHeader(*ModelNamed("models --header", *header)));
     } else {
       for (const CameraModel& model : CameraModels()) PrintModel(model);
       PrintParts();

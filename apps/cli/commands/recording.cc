@@ -7,6 +7,7 @@
 #include "calib/io/output_folder.h"
 #include "engine/recording/recording_summary.h"
 #include "engine/recording/supplied_detections.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -48,6 +49,7 @@ void RunRecording(const RecordingArguments& arguments, Console* console) {
     }
     return;
   }
+  if (!recording.calibration.empty()) AddFormulaModels(recording.calibration);
   const RecordingSummary summary = Summarise(recording, CameraModels());
   fmt::print("{}",
              arguments.json ? SummaryJson(recording, summary)

@@ -54,7 +54,7 @@ _plenocal() {
   local command= options= words= i
   for ((i = 1; i < COMP_CWORD; ++i)); do
     case ${COMP_WORDS[i]} in
-      --plugin) ((++i)) ;;
+      --plugin | --model-file) ((++i)) ;;
       -*) ;;
       *) command=${COMP_WORDS[i]}; break ;;
     esac

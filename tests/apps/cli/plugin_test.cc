@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Camera models from outside: `plenocal --plugin`, `plenocal models check`.
+// Camera models from outside: `plenocal --plugin`, `--model-file`, `plenocal models check`.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -172,6 +172,101 @@ TEST_F(Plugin, ModelsCheckAcceptsARightModelAndSaysWhatIsWrongInOthers) {
   EXPECT_EQ(unknown.status, kWrongInput);
   EXPECT_THAT(unknown.err, HasSubstr("did you mean 'pinhole'?"));
   EXPECT_EQ(Run({"models", "check", "focused-plenoptic"}).status, kDone);
+}
+
+// --- formulas: `--model-file`, `models` of sessions and calibrations ---
+
+constexpr const char* kFormula =
+    "models:\n"
+    "  page-fisheye:\n"
+    "    source: A page\n"
+    "    params: {k_1: {scale: 0.41}, k_2: {scale: 0.16}, k_3: {scale: 0.067}, k_4: {scale: 0.027}}\n"
+    "    radius: theta*(1 + sum(i, 1, 4, k_i*theta^(2*i)))\n";
+
+class FormulaModel : public Workspace {
+ protected:
+  void SetUp() override {
+    Workspace::SetUp();
+    Write("page.model.yaml", kFormula);
+    Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.03\n");
+    Write("spec.yaml",
+          "plenocal: 1\nseed: 3\ntarget: target.yaml\n"
+          "poses: {kind: varied, frames: 12, distance: [0.15, 0.4]}\n"
+          "cameras: {cam: {model: page-fisheye, image_size: [640, 480], parameters: {f_x: 210, "
+          "f_y: 212, c_x: 322, c_y: 243, k_1: -0.01, k_2: 0.003, k_3: -0.0002, k_4: 0.00001}}}\n");
+  }
+  std::string Done(const std::vector<std::string>& arguments) {
+    Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kDone) << outcome.err;
+    return outcome.out;
+  }
+  std::string Refused(const std::vector<std::string>& arguments) {
+    Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kWrongInput);
+    return outcome.err;
+  }
+};
+
+TEST_F(FormulaModel, IsKnownToEveryCommandAndTravelsWithItsCalibration) {
+  const std::string file = "page.model.yaml";
+  EXPECT_THAT(Done({"--model-file", file, "models"}), HasSubstr("\npage-fisheye\n"));
+  EXPECT_THAT(Done({"--model-file", file, "models", "check", "page-fisheye"}),
+              Not(HasSubstr("VIOLATED")));
+  Done({"--model-file", file, "simulate", "spec.yaml", "--points", "-o", "set"});
+  EXPECT_THAT(Refused({"calibrate", "set/session.yaml", "-o", "out"}), HasSubstr("--model-file"));
+
+  // Without the option from here on: the session names the file, the calibration has the text.
+  Write("set/session.yaml", Read("set/session.yaml") + "models: [../page.model.yaml]\n");
+  Done({"calibrate", "set/session.yaml", "-o", "out"});
+  EXPECT_THAT(Done({"compare", "out/calibration.yaml", "set/truth/calibration.yaml"}),
+              HasSubstr("\nsame within uncertainty\n"));
+  Done({"report", "out"});
+  Done({"convert", "out/calibration.yaml", "--to", "kannala-brandt4", "-o", "converted"});
+  EXPECT_THAT(Read("converted/calibration.yaml"), Not(HasSubstr("models:")));
+  EXPECT_THAT(Done({"try", "set/session.yaml", "--models", "page-fisheye,pinhole", "-o", "tried"}),
+              HasSubstr("\nrecommended: page-fisheye, "));
+
+  // The header of the same equations gives the same.
+  const YAML::Node formula = Result()["cameras"]["cam"];
+  std::string session = Read("set/session.yaml");
+  session.replace(session.find("page-fisheye"), 12, "kannala-brandt4");
+  Write("set/session.yaml", session);
+  Done({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  const YAML::Node header = Result()["cameras"]["cam"];
+  for (const auto& parameter : header["parameters"]) {
+    const auto name = parameter.first.as<std::string>();
+    const double difference =
+        formula["parameters"][name].as<double>() - parameter.second.as<double>();
+    EXPECT_LT(std::abs(difference), 1e-4 * header["sigma"][name].as<double>()) << name;
+  }
+}
+
+TEST_F(FormulaModel, OfAnotherTextAndTheSameNameIsRefused) {
+  Done({"--model-file", "page.model.yaml", "simulate", "spec.yaml", "--points", "-o", "set"});
+  Write("other.model.yaml", "models: {page-fisheye: {radius: 2*theta}}\n");
+  EXPECT_THAT(Refused({"--model-file",
+                       "other.model.yaml",
+                       "convert",
+                       "set/truth/calibration.yaml",
+                       "--to",
+                       "eucm",
+                       "-o",
+                       "out"}),
+              AllOf(HasSubstr("other.model.yaml"),
+                    HasSubstr("truth/calibration.yaml:"),
+                    HasSubstr("another formula of this name")));
+  EXPECT_THAT(Refused({"--model-file", "nowhere.model.yaml", "models"}), HasSubstr("nowhere"));
+  EXPECT_THAT(Refused({"calibrate", "--model-file", "page.model.yaml", "s.yaml", "-o", "out"}),
+              HasSubstr("--model-file stands before the command"));
+}
+
+TEST_F(FormulaModel, MayStandInTheSession) {
+  Done({"--model-file", "page.model.yaml", "simulate", "spec.yaml", "--points", "-o", "set"});
+  Write("set/session.yaml", Read("set/session.yaml") + kFormula);
+  Done({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  Write("set/session.yaml", Read("set/session.yaml") + "    unmap: [x, y, 1]\n");
+  EXPECT_THAT(Refused({"calibrate", "set/session.yaml", "-o", "out"}),
+              AllOf(HasSubstr("set/session.yaml:"), HasSubstr("page-fisheye.unmap")));
 }
 
 }  // namespace TEST_FILE
