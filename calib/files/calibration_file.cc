@@ -540,8 +540,9 @@ std::vector<Finding> ReadWarnings(const YamlNode& root) {
 std::string FormulasYaml(const std::vector<CalibratedCamera>& cameras) {
   std::map<std::string_view, std::string> texts;
   for (const CalibratedCamera& camera : cameras) {
-    if (const auto formula = FindModelFormula(camera.model->name)) {
-      texts[camera.model->name] = formula->text;
+    const std::string_view lens = camera.model->name.substr(0, camera.model->name.find('+'));
+    if (const auto formula = FindModelFormula(lens)) {
+      texts[lens] = formula->text;
     }
   }
   std::string all = texts.empty() ? "" : "models:\n";

@@ -115,7 +115,10 @@ std::string NearestText(const CalibratedCamera& camera, const LensTable& table) 
       continue;  // not central, or too narrow for the camera
     }
   }
-  if (!nearest) return "; no model that it takes images all of this camera's image";
+  if (!nearest) {
+    return "; no model that it takes images all that this camera sees; 'plenocal undistort' makes "
+           "images of a pinhole camera";
+  }
   return fmt::format(
       "; of the models that it takes {0} differs least, {1:.2g} px RMS and at most {2:.2g} px: "
       "plenocal convert CALIBRATION --to {0}",

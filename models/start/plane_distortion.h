@@ -53,7 +53,7 @@ struct PlaneDistortion {
     return params;
   }();
   static constexpr auto kExample = [] {
-    constexpr std::array kRadial{-0.02, 0.005, -0.0007, 0.0002, -0.00003, 0.000004};
+    constexpr std::array kRadial{-0.01, -5e-4, -2e-5, -1e-6, -5e-8, -2e-9};
     constexpr std::array kOthers{0.0008, -0.0005, 0.0007, -0.0003, -0.0006, 0.0002};
     std::array<double, kCount> example{};
     std::copy_n(kRadial.begin(), K, example.begin());

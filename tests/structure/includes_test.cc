@@ -88,7 +88,8 @@ const std::map<std::string, Rooms> kAllowed = [] {
   add("engine/images", {"engine/observe"});
   add("engine/plenoptic", {"engine/images"});
   add("engine/rigs", {"engine/json", "engine/observe"});
-  add("engine", {"engine/exchange", "engine/json", "engine/plenoptic", "engine/rigs"});
+  add("engine",
+      {"assess/missing", "engine/exchange", "engine/json", "engine/plenoptic", "engine/rigs"});
   add("apps/charts", {"detectors/templates"});
   add("apps/print", {"apps/charts", "detectors"});
   add("apps/evaluate", {"calib"});

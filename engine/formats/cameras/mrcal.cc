@@ -26,7 +26,6 @@ const LensTable& MrcalLenses() {
   static const LensTable kTable{
       "mrcal",
       {{"pinhole", "LENSMODEL_PINHOLE", ""},
-       {"stereographic", "LENSMODEL_STEREOGRAPHIC", ""},
        {"spherical", "LENSMODEL_LONLAT", ""},
        {"pinhole-radial3", "LENSMODEL_OPENCV5", "A_0 A_1 0 0 A_2"},
        {"pinhole-radtan4", "LENSMODEL_OPENCV4", "k_1 k_2 p_1 p_2"},
