@@ -88,7 +88,7 @@ std::vector<Family> Families() {
   };
   return {
       {"radial", "radial terms", {"+radial4", "pinhole-radtan8", "splined"}, nullptr, radial},
-      {"decentring", "decentring of lenses (a thin prism and a tilted sensor hardly differ from it)", {"+prism", "+radtan", "splined"}, nullptr, decentring},
+      {"decentring", "decentring of lenses (a thin prism and a tilted sensor hardly differ from it)", {"+decentring", "+tilt", "splined"}, nullptr, decentring},
       {"prism", "a thin prism", {"+prism", "pinhole-radtan12", "splined"}, nullptr, prism},
       {"tilt", "a tilted sensor", {"+tilt", "splined"}, nullptr, tilt},
       {"skew", "skewed axes", {"+skew", "splined"}, nullptr, skew},

@@ -35,6 +35,30 @@ struct LensPart {
   std::optional<Eigen::Vector2d> (*unmap)(const double* a, const Eigen::Vector2d& mapped) = nullptr;
 };
 
+namespace internal {
+
+// Inlined as a whole, as derivatives of lenses.
+template <typename P>
+[[gnu::flatten, gnu::noinline]] bool DifferentiatePart(const double* a,
+                                                       const double* m,
+                                                       double* mapped,
+                                                       double* J) {
+  constexpr int n = static_cast<int>(P::kParams.size());
+  using Jet = ceres::Jet<double, n + 2>;
+  std::array<Jet, n> a_jet;
+  for (int i = 0; i < n; ++i) a_jet[static_cast<size_t>(i)] = Jet(a[i], 2 + i);
+  const Jet m_jet[2] = {Jet(m[0], 0), Jet(m[1], 1)};
+  Jet out[2];
+  if (!P::Map(a_jet.data(), m_jet, out)) return false;
+  for (int r = 0; r < 2; ++r) {
+    mapped[r] = out[r].a;
+    for (int i = 0; i < n + 2; ++i) J[r * (n + 2) + i] = out[r].v[i];
+  }
+  return true;
+}
+
+}  // namespace internal
+
 template <typename P>
 constexpr LensPart MakeLensPart() {
   static_assert(P::kParams.size() <= kMostPartParams && P::kParams.size() == P::kExample.size());
@@ -44,21 +68,7 @@ constexpr LensPart MakeLensPart() {
       .params = P::kParams,
       .example = P::kExample,
       .map = [](const double* a, const double* m, double* mapped) { return P::Map(a, m, mapped); },
-      .map_with_jacobian =
-          [](const double* a, const double* m, double* mapped, double* J) {
-            constexpr int n = static_cast<int>(P::kParams.size());
-            using Jet = ceres::Jet<double, n + 2>;
-            std::array<Jet, n> a_jet;
-            for (int i = 0; i < n; ++i) a_jet[static_cast<size_t>(i)] = Jet(a[i], 2 + i);
-            const Jet m_jet[2] = {Jet(m[0], 0), Jet(m[1], 1)};
-            Jet out[2];
-            if (!P::Map(a_jet.data(), m_jet, out)) return false;
-            for (int r = 0; r < 2; ++r) {
-              mapped[r] = out[r].a;
-              for (int i = 0; i < n + 2; ++i) J[r * (n + 2) + i] = out[r].v[i];
-            }
-            return true;
-          },
+      .map_with_jacobian = &internal::DifferentiatePart<P>,
       .unmap = [](const double* a, const Eigen::Vector2d& mapped) { return P::Unmap(a, mapped); }};
 }
 

@@ -40,9 +40,10 @@ const Combination& Of(const CameraModel& model) {
 struct LensParams {
   LensParams(const Combination& of, const double* params) {
     numbers[0] = numbers[1] = 1;
+    numbers[2] = numbers[3] = 0;
     std::copy(params + 4, params + of.lens.params.size(), numbers.begin() + 4);
   }
-  std::array<double, kMostParams> numbers{};
+  std::array<double, kMostParams> numbers;  // those of the lens are set
 };
 
 bool Project(const CameraModel& model,

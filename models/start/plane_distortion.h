@@ -108,14 +108,26 @@ struct PlaneDistortion {
   }
 
   static Eigen::Matrix2d Jacobian(const double* a, double x, double y) {
-    using Jet = ceres::Jet<double, 2>;
-    std::array<Jet, kCount> a_jet;
-    for (size_t i = 0; i < kCount; ++i) a_jet[i] = Jet(a[i]);
-    const Jet m[2] = {Jet(x, 0), Jet(y, 1)};
-    Jet mapped[2];
-    Distort(a_jet.data(), m, mapped);
+    const double q = x * x + y * y;
+    double g = 0, g_q = 0;  // g - 1, and the derivative of g by q
+    for (size_t i = K; i-- > 0;) {
+      g_q = q * g_q + static_cast<double>(i + 1) * a[i];
+      g = q * (a[i] + g);
+    }
+    const double p_1 = kTangential ? a[K] : 0, p_2 = kTangential ? a[K + 1] : 0;
+    const double* const s = a + kCount - kPrismCount;
+    double s_x = 0, s_y = 0;  // derivatives of the prism by q, twice
+    if constexpr (kPrism == PrismTerms::kThin) {
+      s_x = 2 * s[0];
+      s_y = 2 * s[1];
+    } else if constexpr (kPrism == PrismTerms::kWhole) {
+      s_x = 2 * (s[0] + 2 * q * s[1]);
+      s_y = 2 * (s[2] + 2 * q * s[3]);
+    }
+    const double mixed = 2 * (x * y * g_q + p_1 * x + p_2 * y);
     Eigen::Matrix2d J;
-    J << mapped[0].v.transpose(), mapped[1].v.transpose();
+    J << 1 + g + 2 * x * x * g_q + 2 * p_1 * y + 6 * p_2 * x + x * s_x, mixed + y * s_x,
+        mixed + x * s_y, 1 + g + 2 * y * y * g_q + 6 * p_1 * y + 2 * p_2 * x + y * s_y;
     return J;
   }
 
