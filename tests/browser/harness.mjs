@@ -79,7 +79,12 @@ export async function look(page, name) {
     }
     // Charts follow the page's width when they are drawn next.
     const isWide = () => page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
-    for (let i = 0; i < 20 && (await isWide()); ++i) await page.waitForTimeout(200);
+    for (let i = 0; i < 20 && (await isWide()); ++i) {
+      await page.setViewportSize({ width: width + (i % 2), height: 901 });
+      await page.waitForTimeout(200);
+      await page.setViewportSize({ width, height: 900 });
+      await page.waitForTimeout(200);
+    }
     assert.equal(await isWide(), false, `${name} is wider than ${width} px`);
     await page.evaluate(axe);
     const { violations } = await page.evaluate(() =>
