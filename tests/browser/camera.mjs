@@ -8,7 +8,8 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { kPatience, look, openBrowser, source as images, testPage } from "./harness.mjs";
 
-const base = mkdtempSync(join(tmpdir(), "plenocal-camera-"));
+// Chromium names the camera by the video's path; names of cameras can be long.
+const base = mkdtempSync(join(tmpdir(), "plenocal-camera-with-a-name-that-is-wider-than-a-telephone-"));
 const folder = join(base, "project");
 mkdirSync(folder);
 const video = join(base, "camera.y4m");
