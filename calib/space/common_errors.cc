@@ -21,12 +21,13 @@ CommonErrors::CommonErrors(std::span<const SpacePoint> frame) {
     one.degrees_ = static_cast<int>(point.misses.size());
     Add(one);
   }
-  if (degrees_ == 0 || frame[0].instant == 0) return;
-  const Eigen::Index instant = frame[0].instant, rest = normal_.rows() - instant;
-  const Eigen::LLT<Eigen::MatrixXd> own(Eigen::MatrixXd(
-      normal_.bottomRightCorner(instant, instant) + Eigen::MatrixXd::Identity(instant, instant)));
-  const Eigen::MatrixXd cross = normal_.bottomLeftCorner(instant, rest);
-  const Eigen::VectorXd mixed = mixed_.tail(instant);
+  if (degrees_ == 0 || frame[0].frame_columns == 0) return;
+  const Eigen::Index own_columns = frame[0].frame_columns, rest = normal_.rows() - own_columns;
+  const Eigen::LLT<Eigen::MatrixXd> own(
+      Eigen::MatrixXd(normal_.bottomRightCorner(own_columns, own_columns) +
+                      Eigen::MatrixXd::Identity(own_columns, own_columns)));
+  const Eigen::MatrixXd cross = normal_.bottomLeftCorner(own_columns, rest);
+  const Eigen::VectorXd mixed = mixed_.tail(own_columns);
   square_ -= mixed.dot(own.solve(mixed));
   mixed_ = (mixed_.head(rest) - cross.transpose() * own.solve(mixed)).eval();
   normal_ = (normal_.topLeftCorner(rest, rest) - cross.transpose() * own.solve(cross)).eval();
@@ -84,7 +85,7 @@ AdjustedRig AdjustedTo(const SpaceRig& rig,
     const Eigen::VectorXd before = std::exchange(u, common.Estimate(u));
     adjusted.change = rig.root * u;
     adjusted.rig.cameras = rig.cameras;
-    Move(rig, adjusted.change, &adjusted.rig.cameras);
+    AddToTheta(rig, adjusted.change, &adjusted.rig.cameras);
     if ((u - before).norm() >= kSmall && step + 1 < kSteps) continue;
     adjusted.rig.root = rig.root * common.Root();
     break;

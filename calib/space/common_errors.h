@@ -25,7 +25,7 @@ struct RaysTest {
 class CommonErrors {
  public:
   CommonErrors() = default;
-  /// Of the points of one frame, which has its last `instant` errors for itself.
+  /// Of the points of one frame, which has its last `frame_columns` errors for itself.
   explicit CommonErrors(std::span<const SpacePoint> frame);
   void Add(const CommonErrors& other);
 

@@ -75,7 +75,7 @@ class Adjustment {
       point.position = position;
       point.rho = 1 / position.norm();
       point.noise.setZero();
-      point.instant = points;
+      point.frame_columns = points;
       point.shared.resize(3, by_calibration.cols() + points);
       const Eigen::Index row = rows_.at(number);
       point.shared << by_calibration.middleRows<3>(row),
@@ -94,9 +94,9 @@ class Adjustment {
   };
 
   void Use(size_t f, const RigidTransform& pose) {
-    const Eigen::Index instant = frames_[f].begin()->second->instant;
-    Frame frame{pose, Eigen::VectorXd::Zero(instant), count_, positions_.empty() ? 0 : 6};
-    count_ += frame.pose_size + instant;
+    const Eigen::Index own_columns = frames_[f].begin()->second->frame_columns;
+    Frame frame{pose, Eigen::VectorXd::Zero(own_columns), count_, positions_.empty() ? 0 : 6};
+    count_ += frame.pose_size + own_columns;
     result_.used[f] = true;
     used_.emplace(f, std::move(frame));
     const RigidTransform back = pose.Inverse();
@@ -115,23 +115,22 @@ class Adjustment {
     mixed_ = Eigen::VectorXd::Zero(size);
     by_root_.resize(0, 0);
     for (const auto& [f, frame] : used_) {
-      const Eigen::Index instant = frame.jitter.size(), own = frame.pose_size + instant;
+      const Eigen::Index own_columns = frame.jitter.size(), own = frame.pose_size + own_columns;
       // A prior of unit variance.
-      normal_.diagonal().segment(frame.row + frame.pose_size, instant).array() += 1;
-      mixed_.segment(frame.row + frame.pose_size, instant) -= frame.jitter;
+      normal_.diagonal().segment(frame.row + frame.pose_size, own_columns).array() += 1;
+      mixed_.segment(frame.row + frame.pose_size, own_columns) -= frame.jitter;
       for (const auto& [number, point] : frames_[f]) {
         const Eigen::Vector3d turned = frame.T.R * positions_.at(number);
         Eigen::Matrix<double, 3, 6> by_pose;
         by_pose << Eigen::Matrix3d::Identity(), -Hat(turned);
         Eigen::MatrixXd J(3, own + 3);
-        J << by_pose.leftCols(frame.pose_size), point->ByJitter(), frame.T.R;
+        J << by_pose.leftCols(frame.pose_size), point->ByFrame(), frame.T.R;
         const Eigen::MatrixXd JW = SolveSymmetric(Eigen::MatrixXd(point->noise), J).transpose();
         Eigen::VectorX<Eigen::Index> at(own + 3);
         for (Eigen::Index k = 0; k < own; ++k) at[k] = frame.row + k;
         for (Eigen::Index k = 0; k < 3; ++k) at[own + k] = rows_.at(number) + k;
         normal_(at, at) += JW * J;
-        mixed_(at) +=
-            JW * (point->position - turned - frame.T.t - point->ByJitter() * frame.jitter);
+        mixed_(at) += JW * (point->position - turned - frame.T.t - point->ByFrame() * frame.jitter);
         if (by_root_.size() == 0) {
           by_root_ = Eigen::MatrixXd::Zero(size, point->ByCalibration().cols());
         }

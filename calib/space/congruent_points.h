@@ -15,7 +15,7 @@ using PointsOfFrame = std::map<int, const SpacePoint*>;
 
 struct CongruentPoints {
   /// In the frame of the first frame that is used. Their noise is correlated: it stands in the
-  /// `instant` columns of `shared`, and `noise` is 0.
+  /// `frame_columns` columns of `shared`, and `noise` is 0.
   std::map<int, SpacePoint> points;
   std::vector<bool> used;  ///< frames: false where three points or more link none to the others
 };

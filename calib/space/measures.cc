@@ -23,10 +23,10 @@ void SetSigmas(const std::vector<Part>& parts, Measured* measured) {
     noise += by.dot(point->noise * by);
     by_root += by.transpose() * point->shared;
   }
-  const Eigen::Index instant = parts[0].first->instant;
+  const Eigen::Index own_columns = parts[0].first->frame_columns;
   measured->noise = std::sqrt(noise);
-  measured->calibration = by_root.head(by_root.size() - instant).norm();
-  measured->jitter = by_root.tail(instant).norm();
+  measured->calibration = by_root.head(by_root.size() - own_columns).norm();
+  measured->jitter = by_root.tail(own_columns).norm();
 }
 
 }  // namespace
@@ -59,7 +59,7 @@ SpacePoint MeanOf(std::span<const SpacePoint* const> points) {
   const auto n = static_cast<double>(points.size());
   SpacePoint mean;
   mean.noise.setZero();
-  mean.instant = points[0]->instant;
+  mean.frame_columns = points[0]->frame_columns;
   mean.shared = Eigen::MatrixXd::Zero(3, points[0]->shared.cols());
   for (const SpacePoint* point : points) {
     mean.position += point->position / n;

@@ -64,11 +64,12 @@ bool Differentiate(const SpaceRig& rig,
       column = by_camera_point * turned.col(unknown.component - 3);
     }
   }
-  if (rig.instant > 0) {
+  if (rig.frame_columns > 0) {
     Eigen::Matrix<double, 3, 6> moved;
     moved << h * Eigen::Matrix3d::Identity(), -Hat(p - h * rig.centre);
-    out->by_theta.middleCols(rig.Size() - rig.instant + 6 * static_cast<Eigen::Index>(seen.camera),
-                             6) = by_camera_point * camera.T_camera_rig.R * moved / scale;
+    out->by_theta.middleCols(
+        rig.Size() - rig.frame_columns + 6 * static_cast<Eigen::Index>(seen.camera), 6) =
+        by_camera_point * camera.T_camera_rig.R * moved / scale;
   }
   return true;
 }

@@ -201,7 +201,7 @@ std::optional<NearestPoint> NearestToRays(std::span<const Ray> rays) {
 
 SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen, SpaceFrame frame) {
   SpacePoint point;
-  point.instant = rig.instant;
+  point.frame_columns = rig.frame_columns;
   point.observations = static_cast<int>(seen.size());
   const auto without = [&](const char* reason) {
     point.reason = reason;

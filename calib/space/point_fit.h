@@ -47,11 +47,11 @@ struct SpacePoint {
   Eigen::Vector3d position{0, 0, 0};       ///< X, m; infinite where rho <= 0
   double sigma_rho = 0;                    ///< 1 / m, by noise and calibration
   Eigen::Matrix3d noise{};                 ///< covariance of X by noise, m^2
-  /// Root of the calibration's covariance of X, m: rows x, y, z, columns as `SpaceRig::root`. Two
-  /// points' common covariance is the product of their roots; of points of different frames without
-  /// the last `instant` columns, those of the frame's jitter.
+  /// Root of the covariance of X that points share, m: rows x, y, z, columns as `SpaceRig::root`.
+  /// Two points' common covariance is the product of their roots. The last `frame_columns` columns
+  /// (jitter) are common to points of one frame alone, the others to all of the calibration.
   Eigen::MatrixXd shared;
-  Eigen::Index instant = 0;
+  Eigen::Index frame_columns = 0;
   int observations = 0;
   double rms = 0;         ///< of the residual vector's length, px
   double chi_square = 0;  ///< of the residuals, by noise and calibration
@@ -64,8 +64,10 @@ struct SpacePoint {
 
   [[nodiscard]] bool IsFound() const { return reason.empty(); }
   [[nodiscard]] Eigen::Matrix3d Covariance() const { return noise + shared * shared.transpose(); }
-  [[nodiscard]] auto ByCalibration() const { return shared.leftCols(shared.cols() - instant); }
-  [[nodiscard]] auto ByJitter() const { return shared.rightCols(instant); }
+  [[nodiscard]] auto ByCalibration() const {
+    return shared.leftCols(shared.cols() - frame_columns);
+  }
+  [[nodiscard]] auto ByFrame() const { return shared.rightCols(frame_columns); }
 };
 
 /// The point that all observations see. A start by least squares of the distances from the rays is

@@ -24,20 +24,25 @@ std::vector<const CalibratedCamera*> Chosen(const CalibrationRecord& calibration
   return chosen;
 }
 
+// Of the first of the chosen cameras.
+Eigen::Vector3d MarkerInMaster(const CalibrationRecord& calibration,
+                               const CalibratedCamera& master,
+                               int frame,
+                               int marker) {
+  const RigidTransform& T_target_rig = calibration.frames[static_cast<size_t>(frame)].T_target_rig;
+  return master.T_camera_rig * (T_target_rig.Inverse() * calibration.markers.at(marker).position);
+}
+
 // K of docs/space.md, 6 x theta.
 Eigen::MatrixXd FollowedMotion(const CalibrationRecord& calibration,
                                const std::vector<const CalibratedCamera*>& chosen,
                                const SpaceRig& rig) {
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(6, rig.Size());
-  const RigidTransform& T_master_rig = chosen[0]->T_camera_rig;
   for (size_t c = 0; c < chosen.size(); ++c) {
     for (const ResidualRow& row : chosen[c]->residuals) {
-      const auto marker = calibration.markers.find(row.marker);
-      if (!row.used || marker == calibration.markers.end()) continue;
-      const FrameRecord& frame = calibration.frames[static_cast<size_t>(row.frame)];
-      const Eigen::Vector3d X =
-          T_master_rig * (frame.T_target_rig.Inverse() * marker->second.position);
+      if (!row.used || !calibration.markers.contains(row.marker)) continue;
+      const Eigen::Vector3d X = MarkerInMaster(calibration, *chosen[0], row.frame, row.marker);
       PointDerivative seen;
       if (!Differentiate(rig, {.camera = c, .values = row.values}, X, 1, &seen)) continue;
       Eigen::Matrix<double, 3, 6> moved;
@@ -75,10 +80,7 @@ double NoiseFactor(const CalibrationRecord& calibration,
   size_t index = 0;
   for (const auto& [point, rows] : seen) {
     if (index++ % step != 0) continue;
-    const Eigen::Vector3d X =
-        chosen[0]->T_camera_rig *
-        (calibration.frames[static_cast<size_t>(point.first)].T_target_rig.Inverse() *
-         calibration.markers.at(point.second).position);
+    const Eigen::Vector3d X = MarkerInMaster(calibration, *chosen[0], point.first, point.second);
     const Eigen::Index n = 2 * std::ssize(rows);
     Eigen::MatrixXd J(n, 3);
     Eigen::VectorXd r(n);
@@ -170,7 +172,7 @@ SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
   sigmas << Eigen::Vector3d::Constant(calibration.jitter->translation_sigma),
       Eigen::Vector3d::Constant(calibration.jitter->rotation_sigma);
   AppendErrors(sigmas.replicate(std::ssize(chosen), 1), &rig.root);
-  rig.instant = rig.Size() - unknowns;
+  rig.frame_columns = rig.Size() - unknowns;
   // The calibration's points have their own jitter.
   if (rig.follow.size() > 0)
     rig.follow.conservativeResizeLike(Eigen::MatrixXd::Zero(6, rig.Size()));
@@ -188,7 +190,9 @@ std::string NameOfUnknown(const SpaceRig& rig, size_t unknown) {
   return NameOfPriorUnknown(bundle, unknown);
 }
 
-void Move(const SpaceRig& rig, const Eigen::VectorXd& theta, std::vector<BundleCamera>* cameras) {
+void AddToTheta(const SpaceRig& rig,
+                const Eigen::VectorXd& theta,
+                std::vector<BundleCamera>* cameras) {
   std::vector<Vector6d> charts(cameras->size(), Vector6d::Zero());
   for (size_t i = 0; i < rig.unknowns.size(); ++i) {
     const CalibrationPrior::Unknown& unknown = rig.unknowns[i];

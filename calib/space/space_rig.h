@@ -24,7 +24,7 @@ struct SpaceRig {
   bool has_errors = false;  ///< the calibration states standard errors
   /// Numbers at the end of theta that each frame has anew, six of each camera: a translation and a
   /// rotation about `centre` (rig's frame) of what it sees. 0: a rigid, synchronous rig.
-  Eigen::Index instant = 0;
+  Eigen::Index frame_columns = 0;
   Eigen::Vector3d centre{0, 0, 0};
   /// Derivative by theta of the rigid motion (translation, rotation vector; of the points, in the
   /// rig's frame) by which the calibration's own points follow an error of theta, 6 x theta; empty
@@ -38,8 +38,8 @@ struct SpaceRig {
   /// were matched from image to image have common errors.
   double correlation = 0;
 
-  /// Of the noise that cameras do not share over that of the calibration. What a bent board displaces
-  /// alike in all cameras is noise of the calibration, not of a point.
+  /// Of the noise that cameras do not share over that of the calibration. What a bent board
+  /// displaces alike in all cameras is noise of the calibration, not of a point.
   double noise_factor = 1;
 
   [[nodiscard]] Eigen::Index Size() const { return root.rows(); }
@@ -62,6 +62,8 @@ SpaceRig MakeSpaceRig(const CalibrationRecord& calibration,
 std::string NameOfUnknown(const SpaceRig& rig, size_t unknown);
 
 /// Adds an error of theta (without the jitter) to the cameras.
-void Move(const SpaceRig& rig, const Eigen::VectorXd& theta, std::vector<BundleCamera>* cameras);
+void AddToTheta(const SpaceRig& rig,
+                const Eigen::VectorXd& theta,
+                std::vector<BundleCamera>* cameras);
 
 }  // namespace plenocal

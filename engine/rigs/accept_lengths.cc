@@ -69,8 +69,8 @@ Eigen::MatrixXd CovarianceOf(const AcceptanceTest& test, const std::vector<Row>&
       by_point[point].emplace_back(i, by);
     }
   }
-  const auto calibration = root.leftCols(root.cols() - first.instant);
-  const auto jitter = root.rightCols(first.instant);
+  const auto calibration = root.leftCols(root.cols() - first.frame_columns);
+  const auto jitter = root.rightCols(first.frame_columns);
   Eigen::MatrixXd covariance = calibration * calibration.transpose();
   for (const auto& [point, lengths] : by_point) {
     for (const auto& [i, by_i] : lengths) {

@@ -46,7 +46,7 @@ class Job {
     if (request.adjust && !rig_.has_errors) {
       throw InputError("{}: has no standard errors, within which --adjust moves it", Name());
     }
-    if (request.adjust && rig_.instant > 0) {
+    if (request.adjust && rig_.frame_columns > 0) {
       throw InputError(
           "{}: the rig is not rigid, or its cameras are not synchronous (jitter): --adjust would "
           "take the motion of single frames for an error of the calibration",
@@ -190,7 +190,7 @@ class Job {
       });
     };
     fit([&](const std::string&) -> const SpaceRig& { return rig_; });
-    if (rig_.instant == 0) return;
+    if (rig_.frame_columns == 0) return;
     // The jitter of a frame turns about the middle of its points.
     std::map<std::string, SpaceRig> rigs;
     for (const std::string& frame : frames_) {

@@ -58,7 +58,7 @@ Table PointsTable(const Triangulation& made) {
     }
     row.push_back(Number(std::sqrt(point.noise(2, 2))));
     row.push_back(Number(point.ByCalibration().row(2).norm()));
-    row.push_back(Number(point.ByJitter().row(2).norm()));
+    row.push_back(Number(point.ByFrame().row(2).norm()));
     row.push_back(std::to_string(point.observations));
     row.push_back(Number(point.rms, 6));
     row.push_back(Number(point.probability, 6));

@@ -27,7 +27,7 @@ std::string SpreadText(const Triangulation& made) {
     sigma.push_back(std::sqrt(each.point.Covariance()(2, 2)));
     noise.push_back(std::sqrt(each.point.noise(2, 2)));
     calibration.push_back(each.point.ByCalibration().row(2).norm());
-    jitter.push_back(each.point.ByJitter().row(2).norm());
+    jitter.push_back(each.point.ByFrame().row(2).norm());
   }
   if (sigma.empty()) return "all at infinity";
   return fmt::format(

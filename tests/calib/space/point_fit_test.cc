@@ -110,8 +110,8 @@ Draws DrawMany(const RigOptions& options, const std::vector<double>& distances, 
       at.push_back(distance * Eigen::Vector3d(0.05, 0.08 - 0.03 * distance / 10, 1));
       rig.centre += at.back() / static_cast<double>(distances.size());
     }
-    for (size_t c = 0; c < truth.size() && rig.instant > 0; ++c) {
-      const auto first = rig.Size() - rig.instant + 6 * static_cast<Eigen::Index>(c);
+    for (size_t c = 0; c < truth.size() && rig.frame_columns > 0; ++c) {
+      const auto first = rig.Size() - rig.frame_columns + 6 * static_cast<Eigen::Index>(c);
       const Vector6d delta = (rig.root * drawn).segment<6>(first);
       const Eigen::Matrix3d R = ExpRotation(delta.tail<3>());
       truth[c].T_camera_rig =
@@ -364,8 +364,8 @@ TEST(SpaceRig, HasTheNoiseThatCamerasDoNotShare) {
         ResidualRow row{.frame = 0, .marker = i, .noise_sigma = kNoise};
         double expected[2];
         EXPECT_TRUE(Project(camera, row.values.data(), camera.T_camera_rig * X, expected));
-        EXPECT_TRUE(Project(
-            camera, row.values.data(), camera.T_camera_rig * displaced, row.values.data()));
+        EXPECT_TRUE(
+            Project(camera, row.values.data(), camera.T_camera_rig * displaced, row.values.data()));
         for (size_t k = 0; k < 2; ++k) {
           row.values[k] += random.Gaussian(noise);
           row.residual[k] = row.values[k] - expected[k];

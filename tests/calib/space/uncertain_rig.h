@@ -79,7 +79,7 @@ inline bool ImageOf(const BundleCamera& camera,
 /// The cameras with an error of theta.
 inline std::vector<BundleCamera> Moved(const SpaceRig& rig, const Eigen::VectorXd& theta) {
   std::vector<BundleCamera> cameras = rig.cameras;
-  Move(rig, theta, &cameras);
+  AddToTheta(rig, theta, &cameras);
   return cameras;
 }
 
