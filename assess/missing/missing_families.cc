@@ -86,18 +86,21 @@ std::vector<Family> Families() {
       return k % 2 == 0 ? Vector(value, 0) : Vector(0, value);
     });
   };
-  return {
-      {"radial", "radial terms", {"+radial4", "pinhole-radtan8", "splined"}, nullptr, radial},
-      {"decentring", "decentring of lenses (a thin prism and a tilted sensor hardly differ from it)", {"+decentring", "+tilt", "splined"}, nullptr, decentring},
-      {"prism", "a thin prism", {"+prism", "pinhole-radtan12", "splined"}, nullptr, prism},
-      {"tilt", "a tilted sensor", {"+tilt", "splined"}, nullptr, tilt},
-      {"skew", "skewed axes", {"+skew", "splined"}, nullptr, skew},
-      {"local", "local distortion", {"splined"}, nullptr, local},
-      {"board",
-       "a bent target, which is not the lens",
-       {},
-       "set refine_target, or use a flat target",
-       nullptr}};
+  return {{"radial", "radial terms", {"+radial4", "pinhole-radtan8", "splined"}, nullptr, radial},
+          {"decentring",
+           "decentring of lenses, a thin prism or a tilt, which differ little",
+           {"+decentring", "+tilt", "splined"},
+           nullptr,
+           decentring},
+          {"prism", "a thin prism", {"+prism", "pinhole-radtan12", "splined"}, nullptr, prism},
+          {"tilt", "a tilted sensor", {"+tilt", "splined"}, nullptr, tilt},
+          {"skew", "skewed axes", {"+skew", "splined"}, nullptr, skew},
+          {"local", "local distortion", {"splined"}, nullptr, local},
+          {"board",
+           "a bent target, which is not the lens",
+           {},
+           "set refine_target, or use a flat target",
+           nullptr}};
 }
 
 // Of "+part" the camera's model with the part, else the model of that name; of which there is
@@ -146,7 +149,7 @@ Eigen::MatrixXd BoardFields(const Bundle& bundle, const ViewRows& view) {
   return fields;
 }
 
-// Of products of columns of length 1: without the directions that are rounding.
+// Inverse of the products of columns of length 1, less directions in which it is rounding alone.
 Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& products) {
   constexpr double kRounding = 1e-10;
   const SymmetricEigen axes = DecomposeSymmetric(products);
@@ -195,19 +198,10 @@ class Search {
     while (!open.empty()) {
       std::optional<size_t> best;
       Score score;
-      // Of what noise does not explain the family that explains most for its number of fields, by
-      // Schwarz's criterion; but one of fewer fields that explains nearly as much.
-      constexpr double kNearly = 0.9;
       for (const size_t k : open) {
         Score of = Test(unknowns, of_family_[k]);
         of.probability = std::min(1.0, of.probability * static_cast<double>(open.size()));
-        if (!(of.probability < kFalseAlarms)) continue;
-        const bool is_simpler = of.degrees < score.degrees;
-        const double part = is_simpler ? kNearly : 1 / kNearly;
-        const bool is_better = is_simpler
-                                   ? of.square > part * score.square || Worth(of) > Worth(score)
-                                   : of.square > part * score.square && Worth(of) > Worth(score);
-        if (best && !is_better) continue;
+        if (!(of.probability < kFalseAlarms) || (best && !IsBetter(of, score))) continue;
         best = k;
         score = of;
       }
@@ -221,8 +215,16 @@ class Search {
   }
 
  private:
-  [[nodiscard]] double Worth(const Score& score) const {
-    return score.square / score.variance - score.degrees * std::log(products_.rows);
+  // One of fewer fields that explains nearly as much; else the one that explains more for its
+  // number of fields, by Schwarz's criterion.
+  [[nodiscard]] bool IsBetter(const Score& a, const Score& b) const {
+    constexpr double kNearly = 0.9;
+    if (a.degrees < b.degrees && a.square > kNearly * b.square) return true;
+    if (b.degrees < a.degrees && b.square > kNearly * a.square) return false;
+    const auto worth = [&](const Score& of) {
+      return of.square / of.variance - of.degrees * std::log(products_.rows);
+    };
+    return worth(a) > worth(b);
   }
 
   void Add(const ViewRows& view) {

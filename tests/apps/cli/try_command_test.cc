@@ -126,6 +126,19 @@ TEST_F(TryCommand, AModelThatFailsIsARowWithItsReason) {
   EXPECT_TRUE(Results("none").empty());
 }
 
+TEST_F(TryCommand, NamesWhatTheModelLacks) {
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 20, .noise = 0.1}));
+  const Outcome outcome = Run({"try", "session.yaml", "--models", "pinhole", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const std::string what = "cam0: the residuals contain radial terms (";
+  EXPECT_THAT(outcome.out, HasSubstr(what));
+  EXPECT_THAT(Read("out/try.html"), HasSubstr(what));
+  const YAML::Node missing = YAML::Load(Read("out/try.yaml"))["missing"][0];
+  EXPECT_EQ(missing["family"].as<std::string>(), "radial");
+  EXPECT_EQ(missing["remedy"].as<std::string>(), "try pinhole+radial4");
+  EXPECT_LT(missing["probability"].as<double>(), 1e-6);
+}
+
 // A small part of bench/try_simulated.
 class TryOnSimulatedLens
     : public TryCommand,
