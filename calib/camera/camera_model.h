@@ -227,6 +227,9 @@ struct CameraModel {
   bool homogeneous = false;                   ///< (p, h) may have any h, else 1 only
   size_t support_size = 0;                    ///< parameters on which one point depends; 0: all
   std::span<const PriorRow> prior_rows = {};  ///< beside `Param::prior_sigma`
+  /// YAML of the formula from which the model, or its lens, was made (docs/formats.md); else empty.
+  /// calibration.yaml carries it.
+  std::string_view formula = {};
 
   /// Replicate fit: weighted least-squares fit of the relation that the observations of one marker
   /// in one view obey for any camera parameters, a lower bound of every calibration's residuals.

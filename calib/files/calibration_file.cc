@@ -15,7 +15,6 @@
 #include "calib/base/quoted_text.h"
 #include "calib/files/checks/correlation_check.h"
 #include "calib/files/checks/transform_keys.h"
-#include "calib/io/model_formulas.h"
 
 namespace plenocal {
 namespace {
@@ -538,19 +537,17 @@ std::vector<Finding> ReadWarnings(const YamlNode& root) {
 
 // `models`: the formulas of the models that the cameras use, if any.
 std::string FormulasYaml(const std::vector<CalibratedCamera>& cameras) {
-  std::map<std::string_view, std::string> texts;
+  std::map<std::string_view, std::string_view> texts;  // by lens
   for (const CalibratedCamera& camera : cameras) {
-    const std::string_view lens = camera.model->name.substr(0, camera.model->name.find('+'));
-    if (const auto formula = FindModelFormula(lens)) {
-      texts[lens] = formula->text;
-    }
+    const CameraModel& model = *camera.model;
+    if (!model.formula.empty()) texts[model.name.substr(0, model.name.find('+'))] = model.formula;
   }
   std::string all = texts.empty() ? "" : "models:\n";
   for (const auto& [name, text] : texts) {
     all += fmt::format("  {}:\n", name);
     for (size_t begin = 0; begin < text.size();) {
-      const size_t end = text.find('\n', begin);
-      all += "    " + text.substr(begin, end - begin) + "\n";
+      const size_t end = std::min(text.find('\n', begin), text.size());
+      all += fmt::format("    {}\n", text.substr(begin, end - begin));
       begin = end + 1;
     }
   }

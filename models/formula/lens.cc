@@ -80,6 +80,16 @@ Eigen::Vector2d StartPlace(size_t i, double azimuth) {
   return {radius * std::cos(azimuth), radius * std::sin(azimuth)};
 }
 
+// Of `kBlock` steps from the axis the number that are inside at all azimuths, less a margin.
+template <typename StepsAt>
+size_t ClearSteps(const StepsAt& steps_at) {
+  constexpr int kAzimuths = 16;
+  constexpr size_t kMargin = 2;
+  size_t steps = kBlock;
+  for (int i = 0; i < kAzimuths; ++i) steps = std::min(steps, steps_at(2 * kPi * i / kAzimuths));
+  return steps > kMargin ? steps - kMargin : 0;
+}
+
 class RadiusLens : public LensFormula {
  public:
   explicit RadiusLens(LensNodes nodes) : count_(nodes.param_count), of_angle_(nodes.of_angle) {
@@ -354,13 +364,9 @@ class MapLens : public LensFormula {
   // The angle up to which all directions are inside, whatever their azimuth.
   double Reach(const double* k) const {
     return edge_.Get(k, count_, [&] {
-      constexpr int kAzimuths = 16;
-      constexpr size_t kMargin = 2;
-      size_t steps = kBlock;
-      for (int i = 0; i < kAzimuths; ++i) {
-        steps = std::min(steps, StepsInside(k, kPi, 2 * kPi * i / kAzimuths));
-      }
-      return steps > kMargin ? kPi * static_cast<double>(steps - kMargin) / kBlock : 0;
+      return kPi / kBlock * static_cast<double>(ClearSteps([&](double azimuth) {
+               return StepsInside(k, kPi, azimuth);
+             }));
     });
   }
 
@@ -496,17 +502,13 @@ class RayLens : public LensFormula {
   // The radius up to which all of the plane is inside.
   double Reach(const double* k) const {
     return edge_.Get(k, count_, [&] {
-      constexpr int kAzimuths = 16;
-      constexpr size_t kMargin = 2;
       std::array<double, kBlock> radii;
       for (size_t i = 0; i < kBlock; ++i) {
         radii[i] = 2 * std::tan(kPi / 2 * static_cast<double>(i + 1) / (kBlock + 1));
       }
-      size_t steps = kBlock;
-      for (int i = 0; i < kAzimuths; ++i) {
-        steps = std::min(steps, StepsInside(k, radii, 2 * kPi * i / kAzimuths));
-      }
-      return steps > kMargin ? radii[steps - kMargin - 1] : 0;
+      const size_t steps =
+          ClearSteps([&](double azimuth) { return StepsInside(k, radii, azimuth); });
+      return steps > 0 ? radii[steps - 1] : 0;
     });
   }
 

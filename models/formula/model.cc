@@ -16,7 +16,7 @@
 #include "calib/base/names.h"
 #include "calib/files/image_keys.h"
 #include "calib/files/session.h"
-#include "calib/io/model_formulas.h"
+#include "calib/io/input_file.h"
 #include "models/formula/defects.h"
 #include "models/formula/grammar.h"
 #include "models/formula/header.h"
@@ -34,6 +34,7 @@ constexpr std::array<Param, kIntrinsics> kIntrinsicParams = WithIntrinsics<0>({}
 // What a CameraModel of a formula refers to.
 struct FormulaModel {
   std::string name, source;
+  std::string text, file;          // YAML of the formula, and where it stands
   std::vector<std::string> texts;  // names and units of the lens' parameters
   std::vector<Param> params;       // all
   std::vector<double> example;
@@ -186,29 +187,12 @@ std::optional<Ray> Unproject(const CameraModel& model,
                              const double* values) {
   const Eigen::Vector2d m((values[0] - params[2]) / params[0], (values[1] - params[3]) / params[1]);
   const auto direction = Of(model).lens->Unmap(params + kIntrinsics, m);
-  if (!direction) return std::nullopt;
-  const Eigen::Vector3d unit = direction->stableNormalized();
-  if (!unit.allFinite() || !(unit.squaredNorm() > 0)) return std::nullopt;
-  return Ray{Eigen::Vector3d::Zero(), unit};
+  const auto unit = direction ? UnitDirection(*direction) : std::nullopt;
+  return unit ? std::optional(Ray{Eigen::Vector3d::Zero(), *unit}) : std::nullopt;
 }
 
 std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& problem) {
-  return StartCentral(model, problem, [&](double f, double c_x, double c_y) {
-    const FormulaModel& own = Of(model);
-    std::vector<std::vector<double>> cameras;
-    for (const std::vector<double>& k : own.starts) {
-      constexpr double kNearAxis = 1e-6;
-      std::vector<double> camera{1, 1, 0, 0};
-      camera.insert(camera.end(), k.begin(), k.end());
-      double m[2] = {};
-      if (!model.Project(camera.data(), nullptr, nullptr, {kNearAxis, 0, 1}, m)) continue;
-      camera[0] = camera[1] = f * kNearAxis / m[0];
-      camera[2] = c_x;
-      camera[3] = c_y;
-      cameras.push_back(std::move(camera));
-    }
-    return cameras;
-  });
+  return StartLens(model, problem, Of(model).starts);
 }
 
 CameraModel ModelOf(const FormulaModel& own) {
@@ -230,9 +214,12 @@ CameraModel ModelOf(const FormulaModel& own) {
                                   .misfit = &CentralModel::JudgeFit,
                                   .project_block = &ProjectBlock}};
   model.self = &own;
+  model.formula = own.text;
   model.homogeneous = true;
   return model;
 }
+
+bool IsFormula(const CameraModel& model) { return model.functions.project == &ProjectPoint; }
 
 // --- reading ---
 
@@ -468,14 +455,6 @@ class Reader {
 const CameraModel& AddFormulaModel(const std::string& name,
                                    const YamlNode& node,
                                    const std::filesystem::path& file) {
-  const std::string text = node.Dump(), where = file.string();
-  if (const auto known = FindModelFormula(name)) {
-    if (known->text == text) return *FindModel(CameraModels(), name);
-    node.Fail(fmt::format("{} has another formula of this name; rename one of them", known->where));
-  }
-  if (FindModel(CameraModels(), name) != nullptr || name == kAuto) {
-    node.Fail("is the name of a model of this program; give the formula another name");
-  }
   constexpr size_t kLongestName = 64;
   if (name.empty() || name.size() > kLongestName ||
       name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") != std::string::npos) {
@@ -483,10 +462,19 @@ const CameraModel& AddFormulaModel(const std::string& name,
   }
   auto own = std::make_shared<formula::FormulaModel>();
   own->name = name;
+  own->text = node.Dump();
+  own->file = file.string();
+  const CameraModel* const known = FindModel(CameraModels(), name);
+  if (known != nullptr && formula::IsFormula(*known)) {
+    if (known->formula == own->text) return *known;
+    node.Fail(fmt::format("{} has another formula of this name; rename one of them",
+                          formula::Of(*known).file));
+  }
+  if (known != nullptr || name == kAuto) {
+    node.Fail("is the name of a model of this program; give the formula another name");
+  }
   formula::Reader(node, own.get()).Read();
-  const CameraModel& model = AddCameraModel(formula::ModelOf(*own), own, where);
-  KeepModelFormula(name, {text, where});
-  return model;
+  return AddCameraModel(formula::ModelOf(*own), own, own->file);
 }
 
 void CheckFormula(const YamlNode& node) {
@@ -495,7 +483,7 @@ void CheckFormula(const YamlNode& node) {
 }
 
 std::string FormulaHeader(const CameraModel& model) {
-  if (!FindModelFormula(model.name)) {
+  if (!formula::IsFormula(model)) {
     throw InputError("{} is made of no formula; its header is in models/", model.name);
   }
   const formula::FormulaModel& own = formula::Of(model);
@@ -503,7 +491,9 @@ std::string FormulaHeader(const CameraModel& model) {
 }
 
 void AddFormulaModels(const std::filesystem::path& file) {
-  const auto models = YamlNode::ReadFile(file).Find("models");
+  const std::string text = ReadTextFile(file, InputLimit::kDocument);
+  if (text.find("models") == std::string::npos) return;  // not parsed twice
+  const auto models = YamlNode::Parse(text, file.string()).Find("models");
   if (!models) return;
   if (!models->IsSequence()) {
     for (const auto& [name, node] : models->Entries()) AddFormulaModel(name, node, file);

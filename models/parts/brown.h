@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Brown : PlaneDistortion<4, true, PrismTerms::kNone> {
+struct Brown : DistortionPart<4, true, PrismTerms::kNone> {
   static constexpr std::string_view kName = "brown";
 };
 

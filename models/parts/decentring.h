@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Decentring : PlaneDistortion<0, true, PrismTerms::kNone> {
+struct Decentring : DistortionPart<0, true, PrismTerms::kNone> {
   static constexpr std::string_view kName = "decentring";
 };
 

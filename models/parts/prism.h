@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Prism : PlaneDistortion<0, true, PrismTerms::kWhole> {
+struct Prism : DistortionPart<0, true, PrismTerms::kWhole> {
   static constexpr std::string_view kName = "prism";
 };
 

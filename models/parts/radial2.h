@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Radial2 : PlaneDistortion<2, false, PrismTerms::kNone> {
+struct Radial2 : DistortionPart<2, false, PrismTerms::kNone> {
   static constexpr std::string_view kName = "radial2";
 };
 

@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Radial4 : PlaneDistortion<4, false, PrismTerms::kNone> {
+struct Radial4 : DistortionPart<4, false, PrismTerms::kNone> {
   static constexpr std::string_view kName = "radial4";
 };
 

@@ -8,7 +8,7 @@
 
 namespace plenocal::parts {
 
-struct Radial6 : PlaneDistortion<6, false, PrismTerms::kNone> {
+struct Radial6 : DistortionPart<6, false, PrismTerms::kNone> {
   static constexpr std::string_view kName = "radial6";
 };
 

@@ -7,7 +7,7 @@
 
 namespace plenocal::parts {
 
-struct Radtan : PlaneDistortion<2, true, PrismTerms::kNone> {
+struct Radtan : DistortionPart<2, true, PrismTerms::kNone> {
   static constexpr std::string_view kName = "radtan";
 };
 

@@ -8,7 +8,7 @@
 
 namespace plenocal::parts {
 
-struct ThinPrism : PlaneDistortion<4, true, PrismTerms::kThin> {
+struct ThinPrism : DistortionPart<4, true, PrismTerms::kThin> {
   static constexpr std::string_view kName = "thin-prism";
 };
 

@@ -51,6 +51,13 @@ constexpr Param Coefficient(std::string_view name, double scale = 1) {
   return {.name = name, .unit = "1", .scale = scale, .neutral = 0};
 }
 
+/// A direction with length 1; nothing for one that is not finite, or 0.
+inline std::optional<Eigen::Vector3d> UnitDirection(const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d unit = direction.stableNormalized();
+  if (!unit.allFinite() || !(unit.squaredNorm() > 0)) return std::nullopt;
+  return unit;
+}
+
 /// Central models of the form u = (f_x m_x + c_x, f_y m_y + c_y), where the lens maps a direction
 /// to m in the plane at distance 1. The struct M supplies, with k = its parameters after c_y,
 ///   static constexpr std::array kStart: k of a plain lens, from which start values are fitted; an
@@ -87,25 +94,13 @@ struct LensModel : CentralModel {
                                                   const Eigen::Vector2d& u_px) {
     const Eigen::Vector2d m((u_px.x() - params[2]) / params[0], (u_px.y() - params[3]) / params[1]);
     const std::optional<Eigen::Vector3d> direction = M::Unmap(params + 4, m);
-    if (!direction) return std::nullopt;
-    const Eigen::Vector3d unit = direction->stableNormalized();
-    if (!unit.allFinite() || !(unit.squaredNorm() > 0)) return std::nullopt;
-    return unit;
+    return direction ? UnitDirection(*direction) : std::nullopt;
   }
 
   static std::vector<StartCandidate> Start(const StartProblem& problem) {
-    return StartCentral(MakeCameraModel<M>(), problem, [](double f, double c_x, double c_y) {
-      std::vector<std::vector<double>> cameras;
-      for (const auto& lens : Starts()) {
-        constexpr double kNearAxis = 1e-6;
-        double m[2] = {};
-        M::Map(lens.data(), Vector3<double>(kNearAxis, 0, 1), m);
-        const double scaled = f * kNearAxis / m[0];
-        cameras.push_back({scaled, scaled, c_x, c_y});
-        cameras.back().insert(cameras.back().end(), lens.begin(), lens.end());
-      }
-      return cameras;
-    });
+    std::vector<std::vector<double>> lenses;
+    for (const auto& lens : Starts()) lenses.emplace_back(lens.begin(), lens.end());
+    return StartLens(MakeCameraModel<M>(), problem, lenses);
   }
 
  private:

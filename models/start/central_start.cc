@@ -348,4 +348,24 @@ std::vector<StartCandidate> StartCentral(const CameraModel& model,
   return candidates;
 }
 
+std::vector<StartCandidate> StartLens(const CameraModel& model,
+                                      const StartProblem& problem,
+                                      const std::vector<std::vector<double>>& lenses) {
+  return StartCentral(model, problem, [&](double f, double c_x, double c_y) {
+    constexpr double kNearAxis = 1e-6;
+    std::vector<std::vector<double>> cameras;
+    for (const std::vector<double>& lens : lenses) {
+      std::vector<double> camera{1, 1, 0, 0};
+      camera.insert(camera.end(), lens.begin(), lens.end());
+      double m[2] = {};
+      if (!model.Project(camera.data(), nullptr, nullptr, {kNearAxis, 0, 1}, m)) continue;
+      camera[0] = camera[1] = f * kNearAxis / m[0];
+      camera[2] = c_x;
+      camera[3] = c_y;
+      cameras.push_back(std::move(camera));
+    }
+    return cameras;
+  });
+}
+
 }  // namespace plenocal

@@ -32,4 +32,10 @@ std::vector<StartCandidate> StartCentral(const CameraModel& model,
                                          const StartProblem& problem,
                                          const CamerasNearAxis& near_axis);
 
+/// Likewise of a model with lens coordinates, u = (f_x m_x + c_x, f_y m_y + c_y). `lenses`: the
+/// parameters after c_y of plain lenses.
+std::vector<StartCandidate> StartLens(const CameraModel& model,
+                                      const StartProblem& problem,
+                                      const std::vector<std::vector<double>>& lenses);
+
 }  // namespace plenocal

@@ -233,8 +233,8 @@ std::optional<Ray> UnprojectOne(const CameraModel& model,
                                              AsArray(Eigen::Map<const RowMajor>(params, 1, n)),
                                              AsArray(Eigen::Map<const RowMajor>(values, 1, 2))),
                                          3);
-    const Eigen::Vector3d unit = direction.row(0).transpose().stableNormalized();
-    if (unit.allFinite() && unit.squaredNorm() > 0) ray = Ray{Eigen::Vector3d::Zero(), unit};
+    const auto unit = UnitDirection(direction.row(0).transpose());
+    if (unit) ray = Ray{Eigen::Vector3d::Zero(), *unit};
   });
   return ray;
 }

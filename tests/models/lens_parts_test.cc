@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Models of a lens and parts: they are what they say, and have every property of a model.
+// Models of a lens and parts: equal to models that have the parts built in, with every property of
+// a model.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -35,8 +35,9 @@ const LensTable& KalibrLenses() {
   return kTable;
 }
 
-/// Kalibr's omni is the unified model by other parameters (models/ucm.h); its plane, which
-/// distortion acts on, is 1 - alpha of ours. `scale` of its numbers against ours.
+/// Kalibr's omni is the unified model by other parameters (models/ucm.h). Its lens coordinates, on
+/// which distortion acts, are ours times 1 - alpha: the lens with coordinates divided by `scale`,
+/// and `first` as its first coefficient.
 Lens ScaledPlane(const Lens& lens, double scale, double first) {
   Lens scaled = lens;
   scaled.f_x *= scale;
