@@ -51,8 +51,11 @@ std::optional<LensCause> FindLensCause(const CalibrationInput& input,
   double least = own.value_or(std::numeric_limits<double>::infinity());
   for (const CameraModel& model : models) {
     // A model of local coefficients describes any lens: it explains nothing.
-    if (&model == camera.model || model.support_size > 0 || !OfOneKind(model, *camera.model))
+    // One that was made at run time can be slow: `try` compares it, where the user asks.
+    if (&model == camera.model || model.support_size > 0 || model.self != nullptr ||
+        !OfOneKind(model, *camera.model)) {
       continue;
+    }
     const std::optional<double> median = MedianUnder(model, camera, input.markers);
     if (!median) continue;
     candidates.push_back({&model, *median});
