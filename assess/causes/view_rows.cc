@@ -49,8 +49,9 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
     }
     view.residual.segment<2>(2 * count) = r;
     view.pose.middleRows<2>(2 * count) = J;
-    view.position.row(count) << observation->seen.values[0], observation->seen.values[1];
     view.noise[count] = camera.noise.OwnSigma(observation->assumed_sigma);
+    view.position.row(count) << observation->seen.values[0], observation->seen.values[1];
+    view.position.row(count) -= view.noise[count] * r.transpose();
     view.markers.push_back(observation->marker);
     ++count;
   }

@@ -16,7 +16,9 @@ struct ViewRows {
   int frame = 0;
   Eigen::VectorXd residual;  ///< two rows (x, y) an observation
   Eigen::MatrixXd pose;      ///< rows x 6: derivatives by the target's pose
-  Eigen::MatrixXd position;  ///< observations x 2: the measured image point, px
+  /// Observations x 2: the image point as predicted, px. By the measured one regressors would
+  /// contain the noise of the residuals.
+  Eigen::MatrixXd position;
   Eigen::VectorXd noise;     ///< per observation: sigma of a coordinate, px
   std::vector<int> markers;  ///< per observation: index into Bundle::markers
   Eigen::MatrixXd marker;    ///< rows x 3: derivatives by the position of the row's marker
