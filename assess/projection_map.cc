@@ -28,27 +28,28 @@ void ForEachUsed(const CalibrationRecord& calibration, size_t c, const Use& use)
   }
 }
 
-// An observation in the middle of each cell. The context (micro lens) is that of the nearest
-// observation, since a model does not know where its micro lenses are.
-std::vector<std::optional<std::array<double, kMaxObservationSize>>> CellValues(
-    const CalibratedCamera& camera, const ImageGrid& grid) {
-  std::vector<std::optional<std::array<double, kMaxObservationSize>>> values(grid.Cells());
-  if (!camera.model->plenoptic) {
-    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
-      const Eigen::Vector2d middle = grid.Middle(cell);
-      values[cell] = {middle.x(), middle.y()};
-    }
-    return values;
-  }
+// An observation in the middle of each cell; NaN outside the image circle and where there is none.
+// The context (micro lens) is that of the nearest observation, since a model does not have the
+// places of its micro lenses.
+std::vector<std::array<double, kMaxObservationSize>> CellValues(const CalibratedCamera& camera,
+                                                                const ImageGrid& grid) {
+  std::array<double, kMaxObservationSize> none{};
+  none.fill(std::nan(""));
+  std::vector values(grid.Cells(), none);
   std::vector<double> nearest(grid.Cells(), std::numeric_limits<double>::infinity());
   for (const ResidualRow& row : camera.residuals) {
-    if (!row.used) continue;
+    if (!row.used || !camera.model->plenoptic) continue;
     const Eigen::Vector2d place(row.values[0], row.values[1]);
     const size_t cell = grid.Cell(place.x(), place.y());
     const double distance = (place - grid.Middle(cell)).norm();
     if (distance >= nearest[cell]) continue;
     nearest[cell] = distance;
     values[cell] = row.values;
+  }
+  for (size_t cell = 0; cell < grid.Cells(); ++cell) {
+    const Eigen::Vector2d middle = grid.Middle(cell);
+    if (!camera.model->plenoptic) values[cell] = {middle.x(), middle.y()};
+    if (camera.image_circle && !camera.image_circle->Has(middle)) values[cell] = none;
   }
   return values;
 }
@@ -79,14 +80,16 @@ double ProjectionMap::Most(double systematic) const {
 HousedProjection::HousedProjection(const CalibrationRecord& calibration, size_t c)
     : camera_(calibration.cameras[c]) {
   if (!camera_.covariance.allFinite()) return;
+  std::vector<ObservedPoint> points;
+  ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
+    distances_.push_back(p.norm());
+    points.push_back({row.values, p});
+  });
   Matrix6d normal = Matrix6d::Zero();
   Eigen::MatrixXd mixed =
       Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(camera_.params.size()));
-  ProjectionJacobian seen;
-  ForEachUsed(calibration, c, [&](const ResidualRow& row, const Eigen::Vector3d& p) {
-    distances_.push_back(p.norm());
-    if (!Differentiate(camera_, row.values.data(), p, &seen)) return;
-    const Eigen::Matrix<double, 2, 6> J = ByMotion(seen, p);
+  DifferentiateEach(camera_, points, [&](size_t i, const ProjectionJacobian& seen) {
+    const Eigen::Matrix<double, 2, 6> J = ByMotion(seen, points[i].p);
     normal.noalias() += J.transpose().lazyProduct(J);
     mixed.noalias() += J.transpose().lazyProduct(seen.by_params);
   });
@@ -96,14 +99,35 @@ HousedProjection::HousedProjection(const CalibrationRecord& calibration, size_t 
 
 bool HousedProjection::IsKnown() const { return follow_.size() > 0 && follow_.allFinite(); }
 
-double HousedProjection::Sigma(const double* values, double distance) const {
-  const std::optional<Ray> ray =
-      camera_.model->Unproject(camera_.params.data(), camera_.config.data(), values);
-  if (!ray) return std::nan("");
-  const Eigen::Vector3d p = ray->origin + distance * ray->direction;
-  ProjectionJacobian seen;
-  if (!Differentiate(camera_, values, p, &seen)) return std::nan("");
-  return WorstSigma(seen.by_params - ByMotion(seen, p) * follow_, camera_.covariance);
+std::vector<std::optional<SeenRay>> HousedProjection::RaysOf(
+    std::span<const std::array<double, kMaxObservationSize>> values) const {
+  std::vector<std::optional<SeenRay>> rays;
+  for (const auto& own : values) {
+    const std::optional<Ray> ray =
+        std::isnan(own[0])
+            ? std::nullopt
+            : camera_.model->Unproject(camera_.params.data(), camera_.config.data(), own.data());
+    rays.push_back(ray ? std::optional(SeenRay{own, *ray}) : std::nullopt);
+  }
+  return rays;
+}
+
+std::vector<double> HousedProjection::Sigmas(std::span<const std::optional<SeenRay>> rays,
+                                             double distance) const {
+  std::vector<ObservedPoint> points;
+  std::vector<size_t> ray_of_point;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    if (!rays[i]) continue;
+    const Ray& ray = rays[i]->ray;
+    points.push_back({rays[i]->values, ray.origin + distance * ray.direction});
+    ray_of_point.push_back(i);
+  }
+  std::vector<double> sigmas(rays.size(), std::nan(""));
+  DifferentiateEach(camera_, points, [&](size_t i, const ProjectionJacobian& seen) {
+    sigmas[ray_of_point[i]] =
+        WorstSigma(seen.by_params - ByMotion(seen, points[i].p) * follow_, camera_.covariance);
+  });
+  return sigmas;
 }
 
 std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, size_t c) {
@@ -113,19 +137,13 @@ std::vector<ProjectionMap> ProjectionMaps(const CalibrationRecord& calibration, 
   if (!projection.IsKnown()) return {};
   const std::vector<double>& distances = projection.distances();
   const ImageGrid grid(camera.image_size, kCells);
-  const auto cell_values = CellValues(camera, grid);
+  const std::vector<std::optional<SeenRay>> rays = projection.RaysOf(CellValues(camera, grid));
   std::vector<ProjectionMap> maps;
   for (const double distance : {distances.front(),
                                 distances[distances.size() / 2],
                                 distances.back(),
                                 10 * distances.back()}) {
-    ProjectionMap& map = maps.emplace_back(ProjectionMap{distance, grid, {}});
-    for (size_t cell = 0; cell < grid.Cells(); ++cell) {
-      const bool outside = camera.image_circle && !camera.image_circle->Has(grid.Middle(cell));
-      map.sigma.push_back(cell_values[cell] && !outside
-                              ? projection.Sigma(cell_values[cell]->data(), distance)
-                              : std::nan(""));
-    }
+    maps.push_back({distance, grid, projection.Sigmas(rays, distance)});
   }
   return maps;
 }

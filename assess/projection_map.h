@@ -3,6 +3,9 @@
 // Uncertainty of projections that follows from that of the parameters.
 #pragma once
 
+#include <array>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "assess/residual_field.h"
@@ -26,6 +29,12 @@ struct ProjectionMap {
   [[nodiscard]] double Most(double systematic = 0) const;
 };
 
+/// An observation with the ray on which its point lies.
+struct SeenRay {
+  std::array<double, kMaxObservationSize> values = {};
+  Ray ray;
+};
+
 /// Standard error of a camera's projection by errors of its parameters, less the rigid motion of
 /// the camera frame that compensates most of them over the observed points: an error that a
 /// rotation of the frame compensates belongs to every pose, not to the camera (as in mrcal).
@@ -36,9 +45,13 @@ class HousedProjection {
 
   /// False without a covariance or observed points.
   [[nodiscard]] bool IsKnown() const;
-  /// In its worst direction, px, of the point at a distance (m) on the ray of an observation's
-  /// `values`; NaN outside the domain of the model. REQUIRES: IsKnown().
-  [[nodiscard]] double Sigma(const double* values, double distance) const;
+  /// Rays of observations' `values`; nothing outside the domain of the model.
+  [[nodiscard]] std::vector<std::optional<SeenRay>> RaysOf(
+      std::span<const std::array<double, kMaxObservationSize>> values) const;
+  /// In their worst directions, px, of the points at a distance (m) on rays; NaN outside the domain
+  /// of the model. REQUIRES: IsKnown().
+  [[nodiscard]] std::vector<double> Sigmas(std::span<const std::optional<SeenRay>> rays,
+                                           double distance) const;
   /// Of the used points, ascending, m.
   [[nodiscard]] const std::vector<double>& distances() const { return distances_; }
 

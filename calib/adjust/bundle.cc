@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "calib/base/names.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 
@@ -97,6 +98,21 @@ std::vector<ParamPrior> ParamPriors(const BundleState& bundle) {
   return priors;
 }
 
+void ViewPoints::Set(const BundleCamera& camera,
+                     const RigidTransform& T_camera_target,
+                     std::span<const BundleObservation> of_view,
+                     std::span<const BundleMarker> markers) {
+  p_.clear();
+  values_.clear();
+  for (const BundleObservation& observation : of_view) {
+    const Eigen::Vector3d p =
+        T_camera_target * markers[static_cast<size_t>(observation.marker)].position;
+    p_.insert(p_.end(), p.begin(), p.end());
+    const Observation seen = WithoutDisplacement(observation, camera);
+    values_.insert(values_.end(), seen.values.begin(), seen.values.end());
+  }
+}
+
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   const RigidTransform T_camera_target =
@@ -129,13 +145,35 @@ double WeightedLength(const Bundle& bundle,
 }
 
 std::vector<double> WeightedLengths(const Bundle& bundle) {
-  std::vector<double> lengths;
-  lengths.reserve(bundle.observations.size());
-  for (const BundleObservation& observation : bundle.observations) {
-    double residual[kMaxObservationSize];
-    lengths.push_back(Residual(bundle, observation, residual)
-                          ? WeightedLength(bundle, observation, residual)
-                          : std::numeric_limits<double>::infinity());
+  const std::vector<BundleObservation>& observations = bundle.observations;
+  std::vector<double> lengths, predicted;
+  lengths.reserve(observations.size());
+  ViewPoints points;
+  for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+    end = EndOfView(observations, begin);
+    const auto c = static_cast<size_t>(observations[begin].camera);
+    const BundleCamera& camera = bundle.cameras[c];
+    const RigidTransform T_camera_target =
+        camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observations[begin].frame), c);
+    points.Set(camera,
+               T_camera_target,
+               std::span(observations).subspan(begin, end - begin),
+               bundle.markers);
+    const size_t rows = camera.model->measured.size();
+    predicted.resize(rows * (end - begin));
+    ProjectPoints(*camera.model,
+                  camera.params.data(),
+                  camera.config.data(),
+                  points.Block(),
+                  {.predicted = predicted.data()});
+    for (size_t i = 0; begin + i < end; ++i) {
+      double residual[kMaxObservationSize];
+      for (size_t r = 0; r < rows; ++r) {
+        residual[r] = points.Values(i)[r] - predicted[rows * i + r];
+      }
+      const double length = WeightedLength(bundle, observations[begin + i], residual);
+      lengths.push_back(std::isfinite(length) ? length : std::numeric_limits<double>::infinity());
+    }
   }
   return lengths;
 }

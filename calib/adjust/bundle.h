@@ -201,6 +201,23 @@ std::string NuisanceName(const BundleCamera& camera, size_t index);
 /// The observation with its measured coordinates as they are without systematic displacements.
 Observation WithoutDisplacement(const BundleObservation& observation, const BundleCamera& camera);
 
+/// The points of a view's observations for `ProjectPoints`.
+class ViewPoints {
+ public:
+  void Set(const BundleCamera& camera,
+           const RigidTransform& T_camera_target,
+           std::span<const BundleObservation> of_view,
+           std::span<const BundleMarker> markers);
+  [[nodiscard]] PointBlock Block() const {
+    return {.count = p_.size() / 3, .p = p_.data(), .values = values_.data()};
+  }
+  /// Measured without displacement, of observation `i`.
+  [[nodiscard]] const double* Values(size_t i) const { return &values_[kMaxObservationSize * i]; }
+
+ private:
+  std::vector<double> p_, values_;
+};
+
 /// Residual of one observation, measured without displacement minus predicted; false outside the
 /// model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/camera/rays.h"
+
 namespace plenocal::internal {
 namespace {
 
@@ -58,6 +60,65 @@ RobustFactor RobustFactorOf(const RobustLoss& robust, double s2) {
   return {};
 }
 
+// A point in the frames on its way to the camera.
+struct SeenPoint {
+  SeenPoint(const LinearisedView& view, const Eigen::Vector3d& p_target)
+      : rotated(view.T_rig_target.R * p_target),
+        rotated_rig(view.T_camera_rig.R * (rotated + view.T_rig_target.t)),
+        p_cam(rotated_rig + view.T_camera_rig.t) {}
+
+  Eigen::Vector3d rotated, rotated_rig, p_cam;
+};
+
+struct ProjectedPoint {
+  const double* predicted = nullptr;
+  const double* J_point = nullptr;
+};
+
+// Turns a projection into a residual with derivatives in sigmas; `out.J_params` has those of the
+// projection by the model's parameters.
+void SetRows(const BundleCamera& camera,
+             const LinearisedView& view,
+             const SeenPoint& point,
+             const BundleObservation& observation,
+             const ProjectedPoint& projected,
+             const LinearisedRows& out) {
+  const CameraModel& model = *camera.model;
+  const Observation seen = WithoutDisplacement(observation, camera);
+  const size_t rows = model.measured.size();
+  const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
+  for (size_t r = 0; r < rows; ++r)
+    out.residual[r] = weight * (seen.values[r] - projected.predicted[r]);
+  if (!out.HasDerivatives()) return;
+
+  // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
+  // rotation by w before the point: row (-Hat(a)) = (a x row)'.
+  if (out.J_params != nullptr) {
+    for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
+    if (!camera.nuisances.empty()) AppendNuisances(camera, observation, weight, out.J_params);
+  }
+  for (size_t r = 0; r < rows; ++r) {
+    const Eigen::Vector3d J_cam =
+        -weight * Eigen::Map<const Eigen::Vector3d>(projected.J_point + 3 * r);
+    const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;
+    Vector6d J_pose;
+    J_pose << J_rig, point.rotated.cross(J_rig);
+    if (out.J_extrinsics != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r) = J_cam;
+      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r + 3) = point.rotated_rig.cross(J_cam);
+    }
+    if (out.J_pose != nullptr) Eigen::Map<Vector6d>(out.J_pose + 6 * r) = J_pose;
+    if (out.J_marker != nullptr) {
+      Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
+    }
+    if (out.J_params == nullptr) continue;
+    for (size_t k = 0; k < view.by_nuisance.size(); ++k) {
+      out.J_params[r * camera.params.size() + model.params.size() + k] +=
+          J_pose.dot(view.by_nuisance[k]);
+    }
+  }
+}
+
 }  // namespace
 
 // R = Exp(w_jitter) Exp(w_motion) Exp(w_pose) R_0: a change of w_pose is rotated by what is left of
@@ -100,57 +161,26 @@ bool Linearise(const BundleCamera& camera,
                const Eigen::Vector3d& p_target,
                const BundleObservation& observation,
                const LinearisedRows& out) {
-  const Eigen::Vector3d rotated = view.T_rig_target.R * p_target;
-  const Eigen::Vector3d rotated_rig = view.T_camera_rig.R * (rotated + view.T_rig_target.t);
-  const Eigen::Vector3d p_cam = rotated_rig + view.T_camera_rig.t;
-
+  const SeenPoint point(view, p_target);
   const CameraModel& model = *camera.model;
   const Observation seen = WithoutDisplacement(observation, camera);
-  const size_t rows = model.measured.size();
   double predicted[kMaxObservationSize];
   double J_point[kMaxObservationSize * 3];
-  const bool derive = out.HasDerivatives();
   const bool inside =
-      derive
+      out.HasDerivatives()
           ? model.ProjectWithJacobian(
                 camera.params.data(),
                 camera.config.data(),
                 seen.values.data(),
-                p_cam,
+                point.p_cam,
                 {.predicted = predicted, .J_params = out.J_params, .J_point = J_point})
-          : model.Project(
-                camera.params.data(), camera.config.data(), seen.values.data(), p_cam, predicted);
-  if (!inside) return false;
-  const double weight = 1 / camera.noise.OwnSigma(observation.assumed_sigma);
-  for (size_t r = 0; r < rows; ++r) out.residual[r] = weight * (seen.values[r] - predicted[r]);
-  if (!derive) return true;
-
-  // Residual = measured - predicted, so every derivative is minus that of the prediction. With a
-  // rotation by w before the point: row (-Hat(a)) = (a x row)'.
-  if (out.J_params != nullptr) {
-    for (size_t i = 0; i < rows * model.params.size(); ++i) out.J_params[i] *= -weight;
-    if (!camera.nuisances.empty()) AppendNuisances(camera, observation, weight, out.J_params);
-  }
-  for (size_t r = 0; r < rows; ++r) {
-    const Eigen::Vector3d J_cam = -weight * Eigen::Map<const Eigen::Vector3d>(J_point + 3 * r);
-    const Eigen::Vector3d J_rig = view.T_camera_rig.R.transpose() * J_cam;
-    Vector6d J_pose;
-    J_pose << J_rig, rotated.cross(J_rig);
-    if (out.J_extrinsics != nullptr) {
-      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r) = J_cam;
-      Eigen::Map<Eigen::Vector3d>(out.J_extrinsics + 6 * r + 3) = rotated_rig.cross(J_cam);
-    }
-    if (out.J_pose != nullptr) Eigen::Map<Vector6d>(out.J_pose + 6 * r) = J_pose;
-    if (out.J_marker != nullptr) {
-      Eigen::Map<Eigen::Vector3d>(out.J_marker + 3 * r) = view.T_rig_target.R.transpose() * J_rig;
-    }
-    if (out.J_params == nullptr) continue;
-    for (size_t k = 0; k < view.by_nuisance.size(); ++k) {
-      out.J_params[r * camera.params.size() + model.params.size() + k] +=
-          J_pose.dot(view.by_nuisance[k]);
-    }
-  }
-  return true;
+          : model.Project(camera.params.data(),
+                          camera.config.data(),
+                          seen.values.data(),
+                          point.p_cam,
+                          predicted);
+  if (inside) SetRows(camera, view, point, observation, {predicted, J_point}, out);
+  return inside;
 }
 
 MarkerRows::MarkerRows(const BundleCamera& camera, const RowColumns& columns)
@@ -173,6 +203,47 @@ LinearisedRows MarkerRows::Next() {
           .J_marker = next(columns_.marker, 3, &position_)};
 }
 
+void MarkerRows::Prepare(const LinearisedView& view,
+                         std::span<const BundleObservation> of_view,
+                         std::span<const BundleMarker> markers) {
+  const CameraModel& model = *camera_.model;
+  if (model.functions.project_block == nullptr) return;
+  prepared_ = of_view;
+  const size_t count = of_view.size(), rows = model.measured.size();
+  points_.Set(camera_, view.T_camera_rig * view.T_rig_target, of_view, markers);
+  predicted_.resize(rows * count);
+  J_params_.resize(columns_.params ? rows * model.params.size() * count : 0);
+  J_point_.resize(columns_.Any() ? 3 * rows * count : 0);
+  const auto wanted = [](std::vector<double>& J) { return J.empty() ? nullptr : J.data(); };
+  ProjectPoints(
+      model,
+      camera_.params.data(),
+      camera_.config.data(),
+      points_.Block(),
+      {.predicted = predicted_.data(), .J_params = wanted(J_params_), .J_point = wanted(J_point_)});
+}
+
+bool MarkerRows::Set(const LinearisedView& view,
+                     const Eigen::Vector3d& p_target,
+                     const BundleObservation& observation,
+                     const LinearisedRows& out) const {
+  if (prepared_.empty()) return Linearise(camera_, view, p_target, observation, out);
+  const auto place = static_cast<size_t>(&observation - prepared_.data());
+  const size_t rows = camera_.model->measured.size(), width = rows * camera_.model->params.size();
+  const double* const predicted = predicted_.data() + rows * place;
+  if (!std::isfinite(*predicted)) return false;
+  if (out.J_params != nullptr) {
+    std::copy_n(J_params_.data() + width * place, width, out.J_params);
+  }
+  SetRows(camera_,
+          view,
+          SeenPoint(view, p_target),
+          observation,
+          {predicted, J_point_.data() + 3 * rows * place},
+          out);
+  return true;
+}
+
 bool MarkerRows::Load(const LinearisedView& view,
                       const Eigen::Vector3d& p_target,
                       std::span<const BundleObservation> of_marker,
@@ -184,7 +255,7 @@ bool MarkerRows::Load(const LinearisedView& view,
   for (const BundleObservation& observation : of_marker) {
     if (!observation.used) continue;
     const LinearisedRows out = Next();
-    if (!Linearise(camera_, view, p_target, observation, out)) {
+    if (!Set(view, p_target, observation, out)) {
       // Within rounding of the edge of the domain, where a step has ended, derivatives may not
       // exist although the residual does; the point then does not count for the next step.
       if (!out.HasDerivatives() ||

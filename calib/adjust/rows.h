@@ -76,6 +76,8 @@ struct RobustLoss {
 /// Derivatives that rows have.
 struct RowColumns {
   bool params = false, extrinsics = false, pose = false, marker = false;
+
+  [[nodiscard]] bool Any() const { return params || extrinsics || pose || marker; }
 };
 
 /// Rows of the used observations of one marker in one view, whitened: their errors are independent
@@ -89,6 +91,12 @@ class MarkerRows {
 
   /// `camera` must outlive this.
   MarkerRows(const BundleCamera& camera, const RowColumns& columns);
+
+  /// Projects the observations of a view all at once, where the model has a function for that.
+  /// Until the next call, `Load` is then for these, in this view.
+  void Prepare(const LinearisedView& view,
+               std::span<const BundleObservation> of_view,
+               std::span<const BundleMarker> markers);
 
   /// Loads the used ones of `of_marker`; false where one does not project.
   bool Load(const LinearisedView& view,
@@ -116,6 +124,11 @@ class MarkerRows {
     return {data.data(), count_, width};
   }
   [[nodiscard]] LinearisedRows Next();
+  // `Linearise`, of a prepared observation without a projection.
+  bool Set(const LinearisedView& view,
+           const Eigen::Vector3d& p_target,
+           const BundleObservation& observation,
+           const LinearisedRows& out) const;
   // Applies `loss` to the rows of one observation; returns the factor on their weight.
   double Robustify(const RobustLoss& loss, double assumed_sigma, const LinearisedRows& rows) const;
   void Whiten();
@@ -127,6 +140,10 @@ class MarkerRows {
   Eigen::Index count_ = 0;
   std::vector<double> residual_, params_, extrinsics_, pose_, position_;
   std::vector<double> inverse_sigma_;  // per loaded observation
+  // Of the prepared observations: points, projections.
+  std::span<const BundleObservation> prepared_;
+  ViewPoints points_;
+  std::vector<double> predicted_, J_params_, J_point_;
 };
 
 /// Calls add(first, J) for derivatives J of a marker's rows by unknowns of `layout` from `first`
@@ -185,10 +202,12 @@ class RowWalk {
       const VisitedView view{frame, camera, ViewOf(bundle_, frame, camera)};
       bool in_view = false;
       const size_t end_of_view = EndOfView(observations, begin);
+      MarkerRows& rows = rows_[camera];
+      rows.Prepare(
+          view.poses, std::span(observations).subspan(begin, end_of_view - begin), bundle_.markers);
       for (size_t next = 0; begin < end_of_view; begin = next) {
         next = EndOfMarker(observations, begin);
         const auto marker = static_cast<size_t>(observations[begin].marker);
-        MarkerRows& rows = rows_[camera];
         complete &= rows.Load(view.poses,
                               bundle_.markers[marker].position,
                               std::span(observations).subspan(begin, next - begin),

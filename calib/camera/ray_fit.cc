@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <set>
 
+#include "calib/camera/rays.h"
+
 namespace plenocal {
 namespace {
 
@@ -30,26 +32,16 @@ class DirectionCost : public ceres::CostFunction {
                 double* residuals,
                 double** jacobians) const override {
     if (within_bounds_ && !WithinBounds(model_, parameters[0])) return false;
-    const size_t count = model_.params.size();
-    std::vector<double> J_params(2 * count);
-    double J_point[6];
+    // Point by point and row by row, as Ceres has residuals and derivatives.
+    ProjectPoints(model_,
+                  parameters[0],
+                  config_.data(),
+                  {.count = image_.size(), .p = directions_.data()->data()},
+                  {.predicted = residuals, .J_params = jacobians ? jacobians[0] : nullptr});
+    Eigen::Map<Eigen::Matrix2Xd> difference(residuals, 2, std::ssize(image_));
+    if (!difference.allFinite()) return false;
     for (size_t i = 0; i < image_.size(); ++i) {
-      const double values[kMaxObservationSize] = {image_[i].x(), image_[i].y()};
-      double predicted[2];
-      if (!model_.ProjectWithJacobian(
-              parameters[0],
-              config_.data(),
-              values,
-              directions_[i],
-              {.predicted = predicted, .J_params = J_params.data(), .J_point = J_point})) {
-        return false;
-      }
-      for (size_t r = 0; r < 2; ++r) {
-        residuals[2 * i + r] = predicted[r] - values[r];
-        if (jacobians != nullptr && jacobians[0] != nullptr) {
-          std::copy_n(J_params.data() + r * count, count, jacobians[0] + (2 * i + r) * count);
-        }
-      }
+      difference.col(static_cast<Eigen::Index>(i)) -= image_[i];
     }
     return true;
   }
@@ -72,13 +64,16 @@ bool FitToRays(const CameraModel& model,
                std::vector<double>* params) {
   std::vector<Eigen::Vector3d> imaged_directions;
   std::vector<Eigen::Vector2d> imaged;
+  std::vector<Eigen::Vector2d> predicted(image.size());
+  ProjectPoints(model,
+                params->data(),
+                config.data(),
+                {.count = image.size(), .p = directions.data()->data()},
+                {.predicted = predicted.data()->data()});
   for (size_t i = 0; i < image.size(); ++i) {
-    double predicted[2];
-    const double values[kMaxObservationSize] = {image[i].x(), image[i].y()};
-    if (model.Project(params->data(), config.data(), values, directions[i], predicted)) {
-      imaged_directions.push_back(directions[i]);
-      imaged.push_back(image[i]);
-    }
+    if (!predicted[i].allFinite()) continue;
+    imaged_directions.push_back(directions[i]);
+    imaged.push_back(image[i]);
   }
   const auto count = static_cast<int>(params->size());
   std::set<int> fixed(options.fixed.begin(), options.fixed.end());

@@ -147,6 +147,8 @@ class CameraModel:
             return np.full(3, np.nan)
         ray = directions[np.nanargmin(distance)]
         row = np.asarray(params, dtype=np.float64)[None]
+        halves = 0.5 ** np.arange(30)
+        rows = np.repeat(row, len(halves), axis=0)
         step = np.cbrt(np.finfo(float).eps)
         error = np.inf
         for _ in range(50):
@@ -166,16 +168,13 @@ class CameraModel:
                 break
             # Half a radian at most, halved until the step stays in the domain and improves.
             delta *= min(1.0, 0.5 / max(float(np.linalg.norm(delta)), 1e-300))
-            for _ in range(30):
-                moved = ray + delta @ tangents
-                moved /= np.linalg.norm(moved)
-                found = float(np.linalg.norm(target - self._project_rows(row, moved[None])[0]))
-                if found < error:
-                    break
-                delta /= 2
-            else:
+            moved = ray + halves[:, None] * (delta @ tangents)
+            moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+            errors = np.linalg.norm(target - self._project_rows(rows, moved), axis=1)
+            better = np.flatnonzero(errors < error)
+            if len(better) == 0:
                 break
-            ray, error = moved, found
+            ray, error = moved[better[0]], float(errors[better[0]])
         tolerance = 1e-9 * (1 + float(np.abs(target).max()))  # of rounding
         return ray if error < tolerance else np.full(3, np.nan)
 

@@ -167,11 +167,11 @@ Numbers ProjectionSigma(const Record& calibration,
           "'plenocal calibrate'",
           calibration.record.cameras.at(index).name);
     }
-    for (size_t i = 0; i < values.shape(0); ++i) {
-      std::array<double, kMaxObservationSize> own{};
-      std::copy_n(values.data() + i * values.shape(1), values.shape(1), own.begin());
-      out[i] = projection.Sigma(own.data(), distance);
+    std::vector<std::array<double, kMaxObservationSize>> all(values.shape(0));
+    for (size_t i = 0; i < all.size(); ++i) {
+      std::copy_n(values.data() + i * values.shape(1), values.shape(1), all[i].begin());
     }
+    std::ranges::copy(projection.Sigmas(projection.RaysOf(all), distance), out);
   });
   return sigmas;
 }
