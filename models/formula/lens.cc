@@ -295,7 +295,6 @@ class MapLens : public LensFormula {
   // `tests_turn`, where the map keeps its orientation.
   void Evaluate(const double* k, Need need, bool tests_turn, LensBlock* block) const {
     const bool slopes = need != Need::kValue || tests_turn;
-    if (block->is_point && slopes) return EvaluatePoint(k, need, block);
     const Tape& tape = need == Need::kAll ? all_ : slopes ? point_ : value_;
     const auto values = tape.Evaluate(block->p.data(), k, block->count);
     const size_t first = 2 + conditions_;
@@ -323,22 +322,6 @@ class MapLens : public LensFormula {
     if (need == Need::kPoint) return;
     for (size_t j = 0; j < 2 * count_; ++j) {
       std::copy_n(values[first + 6 + j], block->count, block->by_k + j * kBlock);
-    }
-  }
-
-  void EvaluatePoint(const double* k, Need need, LensBlock* block) const {
-    const size_t params = need == Need::kAll ? count_ : 0;
-    const auto values = value_.Differentiate(block->p.data(), k, params);
-    block->inside[0] = std::isfinite(values[0][0]) && std::isfinite(values[1][0]);
-    for (size_t j = 0; j < conditions_; ++j) {
-      block->inside[0] = block->inside[0] && values[2 + j][0] != 0;
-    }
-    for (size_t row = 0; row < 2; ++row) {
-      block->m[row * kBlock] = values[row][0];
-      for (size_t j = 0; j < 3; ++j) block->by_p[(3 * row + j) * kBlock] = values[row][1 + j];
-      for (size_t j = 0; j < params; ++j) {
-        block->by_k[(row * count_ + j) * kBlock] = values[row][4 + j];
-      }
     }
   }
 

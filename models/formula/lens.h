@@ -45,7 +45,6 @@ struct LensBlock {
   std::array<double, 2 * kBlock> m;
   std::array<double, 6 * kBlock> by_p;
   double* by_k = nullptr;           ///< 2 x parameters, for Need::kAll
-  bool is_point = false;            ///< one point, whose derivatives may be rounded otherwise
   std::array<bool, kBlock> inside;  ///< false: outside the domain, m has no meaning
 };
 

@@ -108,7 +108,6 @@ bool ProjectOne(const CameraModel& model,
   const FormulaModel& own = Of(model);
   LensBlock block = BlockFor(own, need);
   block.count = 1;
-  block.is_point = true;
   double size = 1;
   if (!Put(p.x(), p.y(), p.z(), 0, &block, &size)) return false;
   own.lens->Map(params + kIntrinsics, need, &block);

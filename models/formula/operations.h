@@ -106,41 +106,6 @@ inline double Apply(double a, [[maybe_unused]] double b, [[maybe_unused]] double
   return a;
 }
 
-/// Derivatives of a node of value f by its operands a and b; not of kIf.
-struct Partials {
-  double by_a = 0, by_b = 0;
-};
-template <Op op>
-inline Partials Differentiate([[maybe_unused]] double f,
-                              [[maybe_unused]] double a,
-                              [[maybe_unused]] double b) {
-  if constexpr (op == Op::kAdd) return {1, 1};
-  if constexpr (op == Op::kSubtract) return {1, -1};
-  if constexpr (op == Op::kMultiply) return {b, a};
-  if constexpr (op == Op::kDivide) return {1 / b, -f / b};
-  if constexpr (op == Op::kNegate) return {-1, 0};
-  if constexpr (op == Op::kSqrt) return {0.5 / f, 0};
-  if constexpr (op == Op::kExp) return {f, 0};
-  if constexpr (op == Op::kLog) return {1 / a, 0};
-  if constexpr (op == Op::kSin) return {std::cos(a), 0};
-  if constexpr (op == Op::kCos) return {-std::sin(a), 0};
-  if constexpr (op == Op::kTan) return {1 + f * f, 0};
-  if constexpr (op == Op::kAsin) return {1 / std::sqrt(1 - a * a), 0};
-  if constexpr (op == Op::kAcos) return {-1 / std::sqrt(1 - a * a), 0};
-  if constexpr (op == Op::kAtan) return {1 / (1 + a * a), 0};
-  if constexpr (op == Op::kSinh) return {std::cosh(a), 0};
-  if constexpr (op == Op::kCosh) return {std::sinh(a), 0};
-  if constexpr (op == Op::kTanh) return {1 - f * f, 0};
-  if constexpr (op == Op::kAbs) return {a < 0 ? -1.0 : 1.0, 0};
-  if constexpr (op == Op::kAtan2) return {b / (a * a + b * b), -a / (a * a + b * b)};
-  if constexpr (op == Op::kPow) return {b * std::pow(a, b - 1), a > 0 ? f * std::log(a) : 0};
-  if constexpr (op == Op::kSinc) return {SincSlope(a), 0};
-  if constexpr (op == Op::kAngleOverRadius) {
-    return {AngleByRadiusSlope(a, b), -1 / (a + b * b)};
-  }
-  return {};
-}
-
 /// Calls `work` with the operation as a type.
 template <typename Work>
 inline void WithOperation(Op op, const Work& work) {

@@ -60,30 +60,9 @@ template <typename Instruction>
   }
 }
 
-// Each register is a value and `width` - 1 derivatives.
-template <typename Instruction>
-PLENOCAL_FOR_EACH_PROCESSOR [[gnu::flatten]] void RunDual(const std::vector<Instruction>& all,
-                                                          size_t width,
-                                                          double* registers) {
-  for (const Instruction& i : all) {
-    const auto at = [&](int place) { return registers + static_cast<size_t>(place) * width; };
-    double* __restrict const to = at(i.to);
-    const double *const a = at(i.a), *const b = at(i.b), *const c = at(i.c);
-    WithOperation(i.op, [&](auto op) {
-      if constexpr (op.value == Op::kIf) {
-        std::copy_n(a[0] != 0 ? b : c, width, to);
-      } else {
-        to[0] = Apply<op.value>(a[0], b[0], c[0]);
-        const Partials by = Differentiate<op.value>(to[0], a[0], b[0]);
-        for (size_t k = 1; k < width; ++k) to[k] = by.by_a * a[k] + by.by_b * b[k];
-      }
-    });
-  }
-}
-
 }  // namespace
 
-Tape::Tape(const Graph& graph, std::span<const int> outputs, size_t varying) : varying_(varying) {
+Tape::Tape(const Graph& graph, std::span<const int> outputs, size_t varying) {
   const std::vector<bool> needed = Needed(graph, outputs);
   const std::vector<int> last = LastUses(graph, needed, outputs);
   Registers registers;
@@ -142,33 +121,6 @@ Tape::Values Tape::Evaluate(const double* inputs, const double* params, size_t c
     RunBlock(instructions_, count, memory.data());
   }
   return {memory.data(), outputs_.data(), stride};
-}
-
-Tape::Values Tape::Differentiate(const double* inputs,
-                                 const double* params,
-                                 size_t by_params) const {
-  thread_local std::vector<double> memory;
-  const size_t width = 1 + varying_ + by_params;
-  memory.resize(std::max(memory.size(), registers_ * width));
-  const auto put = [&](const Filled& in, double value, size_t derivative) {
-    double* const to = memory.data() + static_cast<size_t>(in.to) * width;
-    std::fill_n(to, width, 0.0);
-    to[0] = value;
-    if (derivative < width) to[derivative] = 1;
-  };
-  for (const Filled& in : loaded_) {
-    const auto input = static_cast<size_t>(in.input);
-    put(in, inputs[input * kBlock], 1 + input);
-  }
-  for (const Filled& in : filled_) {
-    if (in.input < 0) {
-      put(in, in.value, width);
-    } else {
-      put(in, params[in.input], 1 + varying_ + static_cast<size_t>(in.input));
-    }
-  }
-  RunDual(instructions_, width, memory.data());
-  return {memory.data(), outputs_.data(), width};
 }
 
 }  // namespace plenocal::formula

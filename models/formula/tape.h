@@ -25,9 +25,6 @@ class Tape {
   /// are valid until the next call in this thread.
   class Values;
   Values Evaluate(const double* inputs, const double* params, size_t count) const;
-  /// One point by dual numbers, which takes less time than a tape of derivatives: of output k the
-  /// value, then the derivatives by the inputs and the first `by_params` parameters.
-  Values Differentiate(const double* inputs, const double* params, size_t by_params) const;
 
  private:
   struct Instruction {
@@ -43,7 +40,7 @@ class Tape {
   std::vector<Filled> filled_;  // registers of constants and parameters
   std::vector<Filled> loaded_;  // of inputs that vary
   std::vector<int> outputs_;    // registers
-  size_t registers_ = 0, varying_ = 0;
+  size_t registers_ = 0;
 };
 
 /// Outputs of a tape.
