@@ -13,6 +13,7 @@
 #include <set>
 #include <tuple>
 
+#include "assess/held_out/confidence_set.h"
 #include "assess/held_out/held_out_frames.h"
 #include "assess/held_out/held_out_scores.h"
 #include "assess/projection.h"
@@ -103,6 +104,7 @@ class Trials {
     PredictWithCommonOutliers();
     Score();
     Sort();
+    FindConfidenceSet();
     Recommend();
     return std::move(choice_);
   }
@@ -404,6 +406,23 @@ class Trials {
     }
     choice_.trials = std::move(sorted_trials);
     residuals_ = std::move(sorted_residuals);
+  }
+
+  void FindConfidenceSet() {
+    std::vector<size_t> comparable;
+    std::vector<std::span<const HeldOutResidual>> residuals;
+    for (size_t m = 0; m < choice_.trials.size(); ++m) {
+      if (!choice_.trials[m].comparable) continue;
+      comparable.push_back(m);
+      residuals.emplace_back(residuals_[m]);
+    }
+    const Eigen::MatrixXd losses = scores_->LogSquares(residuals);
+    if (losses.rows() < 2) return;
+    const std::vector<double> probabilities = ConfidenceSetProbabilities(losses, choice_.folds);
+    for (size_t i = 0; i < comparable.size(); ++i) {
+      if (probabilities[i] >= kOutsideConfidenceSet)
+        choice_.confidence_set.push_back(comparable[i]);
+    }
   }
 
   // A model's uncertainty exceeds that of a simpler one, of no rarer use, by more than its gain.

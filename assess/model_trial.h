@@ -91,6 +91,8 @@ struct ModelChoice {
   double noise = 0;        ///< RMS length of the points' noise under the reference, px
   double sigma = 0;        ///< standard error of its projection over the supported image, px RMS
   size_t recommended = 0;  ///< index into `trials`
+  /// Indices of the models among which the best one is with 90 % (`ConfidenceSetProbabilities`).
+  std::vector<size_t> confidence_set;
   /// Error of the recommended model that the others show: the largest `UnexplainedDifference` from
   /// one that predicts as well and leaves no parameter open, px.
   double disagreement = 0;

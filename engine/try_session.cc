@@ -171,6 +171,9 @@ std::string TrialYaml(const SessionTrial& trial) {
       YamlQuoted(ModelRecommendation(choice)),
       choice.trials[choice.reference].model->name,
       YamlNumber(choice.noise));
+  std::vector<std::string_view> among;
+  for (const size_t m : choice.confidence_set) among.push_back(choice.trials[m].model->name);
+  text += fmt::format("confidence_set: [{}]\n", fmt::join(among, ", "));
   text += MissingYaml(trial.missing);
   text += TargetYaml(trial.targets, trial.marker_freedom) + "models:\n";
   for (const TrialRow& row : trial.rows) text += ModelYaml(row);

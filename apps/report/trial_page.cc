@@ -47,10 +47,10 @@ Json RowJson(const TrialRow& row) {
 PageText TextOf(const std::vector<TrialRow>& rows,
                 const std::string& model,
                 const std::string& target,
-                const std::string& missing) {
+                const std::string& evidence) {
   PageText text;
   text.Box(
-      "good", fmt::format("Recommended: {}", model), {fmt::format("Target: {}", target), missing});
+      "good", fmt::format("Recommended: {}", model), {fmt::format("Target: {}", target), evidence});
   std::vector<std::vector<std::string>> cells;
   for (const TrialRow& row : rows) {
     const ModelTrial& trial = *row.trial;
@@ -75,7 +75,7 @@ std::string TrialPage(const SessionTrial& trial) {
   const std::vector<TrialRow>& rows = trial.rows;
   const std::string model = ModelRecommendation(choice);
   const std::string target = TargetRecommendation(trial.targets, trial.marker_freedom);
-  const std::string missing = MissingText(trial.missing);
+  const std::string evidence = ConfidenceText(choice) + MissingText(trial.missing);
   Json models = Json::array(), cameras = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
@@ -94,14 +94,14 @@ std::string TrialPage(const SessionTrial& trial) {
   const Json data{{"kind", "trial"},
                   {"recommendation", model},
                   {"target", target},
-                  {"missing", missing},
+                  {"evidence", evidence},
                   {"frames", choice.frames},
                   {"folds", choice.folds},
                   {"points", choice.points},
                   {"outliers", choice.outliers},
                   {"models", models},
                   {"cameras", cameras}};
-  return MakePage("Camera models compared", TextOf(rows, model, target, missing), data);
+  return MakePage("Camera models compared", TextOf(rows, model, target, evidence), data);
 }
 
 }  // namespace plenocal

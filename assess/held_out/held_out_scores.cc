@@ -75,6 +75,29 @@ double HeldOutScores::Excess(std::span<const HeldOutResidual> model,
   return OverFrames(Squares(model, other)).value - OverFrames(Squares(other, model)).value;
 }
 
+Eigen::MatrixXd HeldOutScores::LogSquares(
+    const std::vector<std::span<const HeldOutResidual>>& models) const {
+  const auto frames = static_cast<Eigen::Index>(frames_);
+  Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(frames, std::ssize(models));
+  Eigen::VectorXd points = Eigen::VectorXd::Zero(frames);
+  for (size_t p = 0; p < good_.size(); ++p) {
+    if (!std::ranges::all_of(models, [&](const auto& model) { return Counts(p, model); })) continue;
+    const auto frame = static_cast<Eigen::Index>(frame_of_[p]);
+    points[frame] += 1;
+    for (size_t m = 0; m < models.size(); ++m) {
+      for (size_t r = 0; r < rows_; ++r) {
+        squares(frame, static_cast<Eigen::Index>(m)) += std::pow(models[m][p].values[r], 2);
+      }
+    }
+  }
+  std::vector<Eigen::Index> seen;
+  for (Eigen::Index f = 0; f < frames; ++f) {
+    if (points[f] > 0) seen.push_back(f);
+  }
+  return (squares(seen, Eigen::all).array().colwise() / points(seen).array() + kExact * kExact)
+      .log();
+}
+
 double HeldOutScores::ProbabilityOfRatio(const Sums& model, const Sums& other) const {
   Sums ratios{std::vector<double>(frames_, 0.0), model.points};
   for (size_t f = 0; f < frames_; ++f) {

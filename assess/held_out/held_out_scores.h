@@ -4,6 +4,7 @@
 // other model.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -45,6 +46,11 @@ class HeldOutScores {
   /// px^2.
   [[nodiscard]] double Excess(std::span<const HeldOutResidual> model,
                               std::span<const HeldOutResidual> other) const;
+
+  /// Logarithms of the mean squares of frames under models, over the points that all of them image:
+  /// frames with such points x models.
+  [[nodiscard]] Eigen::MatrixXd LogSquares(
+      const std::vector<std::span<const HeldOutResidual>>& models) const;
 
   /// Of residuals that are worse by as much as those of `model` are, if it were as good as `other`:
   /// the smaller p-value of two one-sided t-tests over frames, of the logarithms of the ratios of

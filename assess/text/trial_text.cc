@@ -128,6 +128,15 @@ std::string ModelRecommendation(const ModelChoice& choice) {
                      recommended.rms_sigma);
 }
 
+std::string ConfidenceText(const ModelChoice& choice) {
+  if (std::ranges::count(choice.trials, true, &ModelTrial::comparable) < 2) return "";
+  std::vector<std::string_view> names;
+  for (const size_t m : choice.confidence_set) names.push_back(choice.trials[m].model->name);
+  return fmt::format("With 90 % the best model {}{}.\n",
+                     names.size() == 1 ? "is " : "is one of: ",
+                     fmt::join(names, ", "));
+}
+
 // "held" or "refined", as in session and try.yaml.
 std::string_view TargetName(const ModelTrial& trial) {
   return trial.marker_freedom.IsRigid() ? "held" : "refined";

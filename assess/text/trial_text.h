@@ -24,6 +24,8 @@ std::vector<TrialRow> MakeRows(const ModelChoice& choice);
 
 /// The recommended model, and why, in a sentence.
 std::string ModelRecommendation(const ModelChoice& choice);
+/// "With 90 % the best model is one of: a, b." Empty where one model can be compared.
+std::string ConfidenceText(const ModelChoice& choice);
 /// "rigid" or "refined".
 std::string_view TargetName(const ModelTrial& trial);
 /// Whether the target's markers are to be refined, and why. `session_sigma`: what the session gives

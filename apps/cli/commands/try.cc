@@ -28,7 +28,7 @@ void RunTry(TryArguments request, Console* console) {
                              TrialTable(trial.models, trial.rows),
                              ModelRecommendation(trial.models),
                              TargetRecommendation(trial.targets, trial.marker_freedom),
-                             MissingText(trial.missing),
+                             ConfidenceText(trial.models) + MissingText(trial.missing),
                              request.out.string()));
 }
 

@@ -42,7 +42,7 @@ function modelRow(model: TrialModel): [string, ...Cell[]] {
   ];
 }
 
-function Models({ recommendation, target, missing, models }: Trial) {
+function Models({ recommendation, target, evidence, models }: Trial) {
   const compared = models.filter((model) => !model.why_not);
   const rms = compared.map((model) => model.rms ?? null);
   return (
@@ -50,7 +50,7 @@ function Models({ recommendation, target, missing, models }: Trial) {
       <div class="verdict good">
         <strong>Recommended: {recommendation}</strong>
         <p>Target: {target}</p>
-        {missing && <p>{missing}</p>}
+        {evidence && <p>{evidence}</p>}
       </div>
       <Table caption="each model on held-out frames" head={kHead} rows={models.map(modelRow)} />
       <Note>

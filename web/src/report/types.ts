@@ -27,7 +27,7 @@ export interface Trial {
   recommendation: string;
   target: string;
   /** What the residuals of the recommended model contain, in sentences; may be empty. */
-  missing: string;
+  evidence: string;
   frames: number;
   folds: number;
   points: number;
