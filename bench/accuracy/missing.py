@@ -85,8 +85,11 @@ def sized(program, folder, family, values, rng, sigmas):
     order = list(camera["parameters"])
     sigma, places = [camera["sigma"][name] for name in order], [order.index(name) for name in names]
     of_part = np.array([[camera["correlation"][max(i, j)][min(i, j)] * sigma[i] * sigma[j] for j in places] for i in places])
+    if not np.all(np.isfinite(of_part)):
+        raise common.Failed("the images leave the part open")
     direction = np.array([rng.gauss(0, 1) for _ in names])
-    direction = np.linalg.cholesky(of_part) @ (direction / np.linalg.norm(direction))
+    squares, axes = np.linalg.eigh(of_part)  # of rounded correlations: may be below zero by rounding
+    direction = axes @ (np.sqrt(np.maximum(squares, 0)) * direction / np.linalg.norm(direction))
     return dict(zip(names, map(float, sigmas * direction)))
 
 
