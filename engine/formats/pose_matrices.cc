@@ -42,6 +42,24 @@ RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<doub
           Eigen::Map<const Eigen::Vector3d>(t.data())};
 }
 
+std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
+                                    const std::vector<size_t>& cameras) {
+  const bool is_rig = calibration.cameras.size() > 1;
+  std::vector<ViewImage> images;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const CalibratedCamera& camera = calibration.cameras[cameras[c]];
+    for (size_t f = 0; f < calibration.frames.size(); ++f) {
+      const int frame = static_cast<int>(f);
+      if (is_rig && !camera.view_poses.contains(frame)) continue;
+      images.push_back(
+          {c,
+           (is_rig ? camera.name + "/" : std::string()) + calibration.frames[f].name + ".png",
+           calibration.CameraFromTarget(cameras[c], frame)});
+    }
+  }
+  return images;
+}
+
 void MakeFirstMaster(std::vector<CalibratedCamera>* cameras) {
   const RigidTransform T_rig_first = cameras->front().T_camera_rig.Inverse();
   for (CalibratedCamera& camera : *cameras) {

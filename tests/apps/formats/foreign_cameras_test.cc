@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Camera files of other programs against those programs' equations, typed here a second time from
+// the sources that the readers name: a point of the image that is half a pixel off fails.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "engine/formats/camera_format.h"
+#include "models/registry.h"
+#include "tests/apps/workspace.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::HasSubstr;
+
+using Equation = std::function<Eigen::Vector2d(const Eigen::Vector3d&)>;
+constexpr double kSame = 1e-9;  // px: rounding of some ten operations on 1e3 px
+
+class ForeignCameras : public Workspace {
+ protected:
+  [[nodiscard]] std::vector<CalibratedCamera> ReadCameras(
+      const std::string& format,
+      const std::string& text,
+      const std::string& name = "file",
+      std::optional<ImageSize> size = std::nullopt) const {
+    Write(name, text);
+    return ReadCameraFile(*FindCameraFormat(format, Path(name)), {Path(name), size});
+  }
+
+  [[nodiscard]] CalibratedCamera ReadOne(const std::string& format, const std::string& text) const {
+    return ReadCameras(format, text).at(0);
+  }
+
+  /// Written and read again the cameras have all digits.
+  void ExpectBack(const std::string& format, const std::vector<CalibratedCamera>& cameras) const {
+    const std::string text = FindCameraFormat(format, "file")->write(cameras);
+    const std::vector<CalibratedCamera> back = ReadCameras(format, text);
+    ASSERT_EQ(back.size(), cameras.size());
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      EXPECT_EQ(back[c].model->name, cameras[c].model->name);
+      EXPECT_EQ(back[c].image_size, cameras[c].image_size);
+      ASSERT_EQ(back[c].params.size(), cameras[c].params.size());
+      for (size_t k = 0; k < back[c].params.size(); ++k) {
+        EXPECT_DOUBLE_EQ(back[c].params[k], cameras[c].params[k])
+            << cameras[c].model->params[k].name;
+      }
+      EXPECT_LT((back[c].T_camera_rig.R - cameras[c].T_camera_rig.R).norm(), kRotation);
+      EXPECT_LT((back[c].T_camera_rig.t - cameras[c].T_camera_rig.t).norm(), kRotation);
+    }
+  }
+  static constexpr double kRotation = 1e-14;  // rounding of a product of rotations
+
+  void ExpectRefused(const std::string& format,
+                     const std::string& text,
+                     const std::vector<std::string>& parts) const {
+    try {
+      static_cast<void>(ReadOne(format, text));
+      ADD_FAILURE() << "was read: " << text;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("file"));
+      for (const std::string& part : parts) EXPECT_THAT(error.what(), HasSubstr(part));
+    }
+  }
+
+  void ExpectNotWritten(const std::string& format,
+                        const CalibratedCamera& camera,
+                        const std::vector<std::string>& parts) const {
+    try {
+      FindCameraFormat(format, "file")->write({camera});
+      ADD_FAILURE() << "was written";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::kJob);
+      for (const std::string& part : parts) EXPECT_THAT(error.what(), HasSubstr(part));
+    }
+  }
+};
+
+/// 200 points out to `degrees` from the axis.
+void ExpectProjects(const CalibratedCamera& camera, double degrees, const Equation& equation) {
+  for (int i = 0; i < 200; ++i) {
+    const double theta = degrees * std::numbers::pi / 180 * std::sqrt((i + 0.5) / 200);
+    const double phi = 2.4 * i;
+    const Eigen::Vector3d p = (0.5 + i % 7) * Eigen::Vector3d(std::sin(theta) * std::cos(phi),
+                                                              std::sin(theta) * std::sin(phi),
+                                                              std::cos(theta));
+    double u[2];
+    ASSERT_TRUE(camera.model->Project(camera.params.data(), nullptr, nullptr, p, u)) << i;
+    const Eigen::Vector2d expected = equation(camera.T_camera_rig.Inverse() * p);
+    ASSERT_NEAR(u[0], expected.x(), kSame) << i;
+    ASSERT_NEAR(u[1], expected.y(), kSame) << i;
+  }
+}
+
+/// Of the plane at distance 1, OpenCV's order of the tangential coefficients.
+Eigen::Vector2d Radtan(const Eigen::Vector3d& p,
+                       const std::vector<double>& k,
+                       double p_1,
+                       double p_2) {
+  const double x = p.x() / p.z(), y = p.y() / p.z(), q = x * x + y * y;
+  double g = 1, power = 1;
+  for (const double k_i : k) g += k_i * (power *= q);
+  return {x * g + 2 * p_1 * x * y + p_2 * (q + 2 * x * x),
+          y * g + p_1 * (q + 2 * y * y) + 2 * p_2 * x * y};
+}
+
+/// The plane point at the radius `of(theta)`.
+Eigen::Vector2d Fisheye(const Eigen::Vector3d& p, const std::function<double(double)>& of) {
+  const double r = std::hypot(p.x(), p.y());
+  return p.head<2>() / r * of(std::atan2(r, p.z()));
+}
+
+// --- openMVG: Camera_Pinhole_Radial.hpp, Camera_Pinhole_Brown.hpp, Camera_Pinhole_Fisheye.hpp,
+// Camera_Spherical.hpp; the numbers of radial_k3 are of a file of openMVG 1.
+std::string SfmData(const std::string& type, const std::string& data) {
+  return R"({"sfm_data_version": "0.3", "root_path": "", "views": [], "intrinsics": [{"key": 3,
+"value": {"polymorphic_id": 2147483649, "polymorphic_name": ")" +
+         type + R"(", "ptr_wrapper": {"id": 2147483650, "data": {)" + data +
+         R"(}}}}], "extrinsics": [], "structure": [], "control_points": []})";
+}
+constexpr const char* kSfmSize =
+    R"("width": 1600, "height": 1200, "focal_length": 925.8363, "principal_point": [750.238, 670.848])";
+
+TEST_F(ForeignCameras, OpenMvgsLensesProjectAsThere) {
+  const auto in_pixels = [](const Eigen::Vector2d& m) {
+    return Eigen::Vector2d(925.8363 * m.x() + 750.238, 925.8363 * m.y() + 670.848);
+  };
+  const auto read = [&](const std::string& type, const std::string& distortion) {
+    const CalibratedCamera camera = ReadOne("openmvg", SfmData(type, kSfmSize + distortion));
+    EXPECT_EQ(camera.image_size, (ImageSize{1600, 1200}));
+    EXPECT_EQ(camera.name, "camera3");
+    ExpectBack("openmvg", {camera});
+    return camera;
+  };
+  ExpectProjects(read("pinhole", ""), 40, [&](const Eigen::Vector3d& p) {
+    return in_pixels(p.head<2>() / p.z());
+  });
+  ExpectProjects(read("pinhole_radial_k1", R"(, "disto_k1": [0.0287])"),
+                 40,
+                 [&](const Eigen::Vector3d& p) { return in_pixels(Radtan(p, {0.0287}, 0, 0)); });
+  ExpectProjects(read("pinhole_radial_k3", R"(, "disto_k3": [0.0287, 0.0857, -0.02])"),
+                 40,
+                 [&](const Eigen::Vector3d& p) {
+                   return in_pixels(Radtan(p, {0.0287, 0.0857, -0.02}, 0, 0));
+                 });
+  ExpectProjects(read("pinhole_brown_t2", R"(, "disto_t2": [-0.05, 0.01, 0.003, 0.002, -0.001])"),
+                 40,
+                 [&](const Eigen::Vector3d& p) {
+                   return in_pixels(Radtan(p, {-0.05, 0.01, 0.003}, 0.002, -0.001));
+                 });
+  ExpectProjects(read("fisheye", R"(, "fisheye": [-0.02, 0.01, -0.003, 0.0004])"),
+                 80,
+                 [&](const Eigen::Vector3d& p) {
+                   return in_pixels(Fisheye(p, [](double t) {
+                     return t - 0.02 * std::pow(t, 3) + 0.01 * std::pow(t, 5) -
+                            0.003 * std::pow(t, 7) + 0.0004 * std::pow(t, 9);
+                   }));
+                 });
+  const CalibratedCamera panorama =
+      ReadOne("openmvg", SfmData("spherical", R"("value0": {"width": 2000, "height": 1000})"));
+  ExpectProjects(panorama, 170, [](const Eigen::Vector3d& p) {
+    const double latitude = std::atan2(-p.y(), std::hypot(p.x(), p.z()));
+    return Eigen::Vector2d(std::atan2(p.x(), p.z()) / (2 * std::numbers::pi) * 2000 + 1000,
+                           -latitude / (2 * std::numbers::pi) * 2000 + 500);
+  });
+  ExpectBack("openmvg", {panorama});
+}
+
+TEST_F(ForeignCameras, ARigIsInOpenMvgsFileWithOneViewACamera) {
+  std::vector<CalibratedCamera> rig{
+      ReadOne("openmvg", SfmData("pinhole", kSfmSize)),
+      ReadOne("openmvg",
+              SfmData("pinhole_radial_k3", std::string(kSfmSize) + R"(, "disto_k3": [0.1, 0, 0])")),
+      ReadOne("openmvg", SfmData("pinhole", kSfmSize))};
+  rig[0].name = "left";
+  rig[1].name = "right";
+  rig[2].name = "top";
+  rig[1].T_camera_rig = {ExpRotation({0.1, -0.2, 0.3}), {-0.1, 0.02, 0.03}};
+  ExpectBack("openmvg", rig);
+  const YAML::Node file = YAML::Load(FindCameraFormat("openmvg", "file")->write(rig));
+  EXPECT_EQ(file["views"][1]["value"]["ptr_wrapper"]["data"]["filename"].as<std::string>(),
+            "right.png");
+  // Where cereal met the type before it gives the number only.
+  EXPECT_EQ(file["intrinsics"][0]["value"]["polymorphic_id"].as<unsigned>(), 0x80000001U);
+  EXPECT_EQ(file["intrinsics"][2]["value"]["polymorphic_id"].as<unsigned>(), 1U);
+  EXPECT_FALSE(file["intrinsics"][2]["value"]["polymorphic_name"]);
+  // The rotation maps into the camera, the centre is the camera's.
+  const YAML::Node pose = file["extrinsics"][1]["value"];
+  const Eigen::Vector3d centre(pose["center"][0].as<double>(),
+                               pose["center"][1].as<double>(),
+                               pose["center"][2].as<double>());
+  EXPECT_LT((rig[1].T_camera_rig * centre).norm(), kRotation);
+  EXPECT_DOUBLE_EQ(pose["rotation"][0][2].as<double>(), rig[1].T_camera_rig.R(0, 2));
+}
+
+TEST_F(ForeignCameras, WhatOpenMvgCannotHoldIsRefused) {
+  ExpectRefused("openmvg", SfmData("pinhole_pba", kSfmSize), {"pinhole_pba"});
+  ExpectRefused("openmvg", SfmData("pinhole_radial_k3", kSfmSize), {"disto_k3"});
+  ExpectRefused(
+      "openmvg", Replaced(SfmData("pinhole", kSfmSize), "750.238,", ""), {"principal_point"});
+  ExpectRefused("openmvg",
+                Replaced(SfmData("pinhole", kSfmSize), "polymorphic_name", "name"),
+                {"polymorphic_name"});
+  CalibratedCamera camera = ReadOne("openmvg", SfmData("pinhole", kSfmSize));
+  camera.params[1] += 0.5;
+  ExpectNotWritten("openmvg", camera, {"one focal length", "926.3363", "0.22 px"});
+  camera = ReadOne("openmvg", SfmData("spherical", R"("value0": {"width": 200, "height": 100})"));
+  camera.params[3] -= 0.5;
+  ExpectNotWritten("openmvg", camera, {"c_y = 50", "49.5", "fixed: ["});
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
