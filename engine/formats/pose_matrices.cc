@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/formats/pose_matrices.h"
 
+#include <algorithm>
+#include <filesystem>
+
 #include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
@@ -43,7 +46,7 @@ RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<doub
 }
 
 std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
-                                    const std::vector<size_t>& cameras) {
+                                  const std::vector<size_t>& cameras) {
   const bool is_rig = calibration.cameras.size() > 1;
   std::vector<ViewImage> images;
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -58,6 +61,35 @@ std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
     }
   }
   return images;
+}
+
+std::vector<ViewImage> RigImages(const std::vector<CalibratedCamera>& cameras) {
+  std::vector<ViewImage> images;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    images.push_back({c, cameras[c].name + ".png", cameras[c].T_camera_rig});
+  }
+  return images;
+}
+
+void TakeRigImages(const std::vector<ViewImage>& images,
+                   bool posed,
+                   std::vector<CalibratedCamera>* cameras) {
+  std::vector<const ViewImage*> only(cameras->size());
+  std::vector<int> counts(cameras->size());
+  for (const ViewImage& image : images) {
+    only[image.camera] = &image;
+    ++counts[image.camera];
+  }
+  const bool is_rig = posed && std::ranges::all_of(counts, [](int count) { return count == 1; });
+  for (size_t c = 0; c < only.size(); ++c) {
+    if (counts[c] != 1) continue;
+    (*cameras)[c].name = std::filesystem::path(only[c]->file).stem().string();
+    if (is_rig) (*cameras)[c].T_camera_rig = only[c]->T_camera_target;
+  }
+}
+
+RigidTransform CameraAt(const Eigen::Matrix3d& R, const std::vector<double>& centre) {
+  return {R, -(R * Eigen::Map<const Eigen::Vector3d>(centre.data()))};
 }
 
 void MakeFirstMaster(std::vector<CalibratedCamera>* cameras) {

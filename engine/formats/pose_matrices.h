@@ -38,7 +38,17 @@ struct ViewImage {
 /// The images of a calibration's frames by some of its cameras; of a rig those with used
 /// observations.
 std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
-                                    const std::vector<size_t>& cameras);
+                                  const std::vector<size_t>& cameras);
+
+/// One image a camera, `<camera>.png`, in the frame of the rig.
+std::vector<ViewImage> RigImages(const std::vector<CalibratedCamera>& cameras);
+/// The inverse: names of cameras that have one image, and the extrinsics when all have one, each
+/// with a pose (`posed`).
+void TakeRigImages(const std::vector<ViewImage>& images,
+                   bool posed,
+                   std::vector<CalibratedCamera>* cameras);
+/// The pose of a camera with its centre at `centre`.
+RigidTransform CameraAt(const Eigen::Matrix3d& R, const std::vector<double>& centre);
 
 /// Makes the frame of the first camera that of the rig: all T_camera_rig become relative to it.
 void MakeFirstMaster(std::vector<CalibratedCamera>* cameras);

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -138,11 +139,7 @@ std::string SfmData(const std::vector<CalibratedCamera>& cameras,
 }
 
 std::string WriteOpenMvg(const std::vector<CalibratedCamera>& cameras) {
-  std::vector<ViewImage> images;
-  for (size_t c = 0; c < cameras.size(); ++c) {
-    images.push_back({c, cameras[c].name + ".png", cameras[c].T_camera_rig});
-  }
-  return SfmData(cameras, images);
+  return SfmData(cameras, RigImages(cameras));
 }
 
 std::vector<std::pair<std::string, std::string>> WriteOpenMvgModel(
@@ -150,6 +147,12 @@ std::vector<std::pair<std::string, std::string>> WriteOpenMvgModel(
   std::vector<CalibratedCamera> chosen;
   for (const size_t camera : cameras) chosen.push_back(calibration.cameras[camera]);
   return {{"sfm_data.json", SfmData(chosen, ViewImages(calibration, cameras))}};
+}
+
+/// A number of 32 bits, of which the largest stands for none.
+int Id(const YamlNode& node) {
+  const double id = node.AsNumber();
+  return id >= 0 && id <= std::numeric_limits<int>::max() ? static_cast<int>(id) : -1;
 }
 
 CalibratedCamera ReadIntrinsic(const YamlNode& data,
@@ -166,37 +169,41 @@ CalibratedCamera ReadIntrinsic(const YamlNode& data,
   return FromLens(lens, size, OpenMvgLenses(), fmt::format("{}:{}", file, data.Line()));
 }
 
-/// The pose and the name of a camera with one image; of one with several the poses are those of
-/// the images.
-void ReadOnlyView(const YamlNode& root, int intrinsic, CalibratedCamera* camera) {
-  std::optional<YamlNode> only;
+/// Gives the cameras, of these keys, names and extrinsics by their images.
+void ReadViews(const YamlNode& root,
+               const std::map<int, size_t>& cameras_by_key,
+               std::vector<CalibratedCamera>* cameras) {
+  std::map<int, RigidTransform> poses;
+  for (const YamlNode& node : root.At("extrinsics").Elements()) {
+    const YamlNode rotation = node.At("value").At("rotation");
+    const std::vector<YamlNode> rows = rotation.Elements();
+    if (rows.size() != 3) rotation.Fail("expected three rows");
+    Eigen::Matrix3d R;
+    for (int r = 0; r < 3; ++r) {
+      const std::vector<double> row = rows[static_cast<size_t>(r)].AsNumbers(3);
+      R.row(r) = Eigen::Map<const Eigen::RowVector3d>(row.data());
+    }
+    poses[node.At("key").AsInteger()] = CameraAt(R, node.At("value").At("center").AsNumbers(3));
+  }
+  std::vector<ViewImage> images;
+  bool posed = true;
   for (const YamlNode& view : root.At("views").Elements()) {
     const YamlNode data = view.At("value").At("ptr_wrapper").At("data");
-    if (data.At("id_intrinsic").AsNumber() != intrinsic) continue;
-    if (only) return;
-    only = data;
+    const auto camera = cameras_by_key.find(Id(data.At("id_intrinsic")));
+    if (camera == cameras_by_key.end()) continue;
+    const auto pose = poses.find(Id(data.At("id_pose")));
+    posed = posed && pose != poses.end();
+    images.push_back({camera->second,
+                      data.At("filename").AsString(),
+                      pose == poses.end() ? RigidTransform() : pose->second});
   }
-  if (!only) return;
-  const std::filesystem::path file = only->At("filename").AsString();
-  camera->name = file.stem().string();
-  for (const YamlNode& pose : root.At("extrinsics").Elements()) {
-    if (pose.At("key").AsNumber() != only->At("id_pose").AsNumber()) continue;
-    std::vector<double> R;
-    for (const YamlNode& row : pose.At("value").At("rotation").Elements()) {
-      const std::vector<double> numbers = row.AsNumbers(3);
-      R.insert(R.end(), numbers.begin(), numbers.end());
-    }
-    if (R.size() != 9) pose.At("value").At("rotation").Fail("expected three rows");
-    const RigidTransform rotation = FromRowMajor(R, {0, 0, 0});
-    const std::vector<double> centre = pose.At("value").At("center").AsNumbers(3);
-    camera->T_camera_rig = {rotation.R,
-                            -(rotation.R * Eigen::Map<const Eigen::Vector3d>(centre.data()))};
-  }
+  TakeRigImages(images, posed, cameras);
 }
 
 std::vector<CalibratedCamera> ReadOpenMvg(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
   std::map<std::uint32_t, std::string> types;
+  std::map<int, size_t> by_key;
   std::vector<CalibratedCamera> cameras;
   for (const YamlNode& intrinsic : root.At("intrinsics").Elements()) {
     const YamlNode value = intrinsic.At("value");
@@ -210,9 +217,10 @@ std::vector<CalibratedCamera> ReadOpenMvg(const CameraSource& source) {
     cameras.push_back(
         ReadIntrinsic(value.At("ptr_wrapper").At("data"), types[id], source.path.string()));
     cameras.back().name = fmt::format("camera{}", key);
-    ReadOnlyView(root, key, &cameras.back());
+    by_key[key] = cameras.size() - 1;
   }
   if (cameras.empty()) root.At("intrinsics").Fail("holds no cameras");
+  ReadViews(root, by_key, &cameras);
   return cameras;
 }
 

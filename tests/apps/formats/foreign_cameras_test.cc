@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <numbers>
 
@@ -210,6 +211,103 @@ TEST_F(ForeignCameras, WhatOpenMvgCannotHoldIsRefused) {
   camera = ReadOne("openmvg", SfmData("spherical", R"("value0": {"width": 200, "height": 100})"));
   camera.params[3] -= 0.5;
   ExpectNotWritten("openmvg", camera, {"c_y = 50", "49.5", "fixed: ["});
+}
+
+// --- AliceVision: DistortionRadial.cpp, DistortionBrown.cpp, DistortionFisheye{,1}.cpp,
+// Equidistant.cpp, jsonIO.cpp.
+std::string Sfm(const std::string& type,
+                const std::string& more,
+                const std::string& version = "10") {
+  return R"({"version": ["1", "2", ")" + version + R"("], "views": [], "intrinsics": [
+{"intrinsicId": "3486608314", "focalLength": "21.5", "pixelRatio": "1.01", "type": )" +
+         type +
+         R"(, "width": "3424", "height": "2202", "sensorWidth": "28.25", "sensorHeight": "18.5",
+"principalPoint": ["3.25", "-8.5"], "undistortionParams": "", "distortionParams": [)" +
+         more + "}]}";
+}
+
+TEST_F(ForeignCameras, AliceVisionsLensesProjectAsThere) {
+  const double f_x = 21.5 / 28.25 * 3424, f_y = f_x * 1.01;
+  const auto in_pixels = [&](const Eigen::Vector2d& m) {
+    return Eigen::Vector2d(f_x * m.x() + 1712 + 3.25, f_y * m.y() + 1101 - 8.5);
+  };
+  const auto read = [&](const std::string& distortion, const std::string& params) {
+    const CalibratedCamera camera =
+        ReadOne("alicevision",
+                Sfm(R"("pinhole", "distortionType": ")" + distortion + R"(")", params + "]"));
+    EXPECT_EQ(camera.image_size, (ImageSize{3424, 2202}));
+    ExpectBack("alicevision", {camera});
+    return camera;
+  };
+  ExpectProjects(read("none", ""), 40, [&](const Eigen::Vector3d& p) {
+    return in_pixels(p.head<2>() / p.z());
+  });
+  ExpectProjects(read("radialk1", R"("-0.05")"), 40, [&](const Eigen::Vector3d& p) {
+    return in_pixels(Radtan(p, {-0.05}, 0, 0));
+  });
+  ExpectProjects(
+      read("radialk3", R"("-0.05", "0.02", "0.001")"), 40, [&](const Eigen::Vector3d& p) {
+        return in_pixels(Radtan(p, {-0.05, 0.02, 0.001}, 0, 0));
+      });
+  ExpectProjects(
+      read("radialk3pt", R"("-0.05", "0.02", "0.001")"), 40, [&](const Eigen::Vector3d& p) {
+        return in_pixels(Radtan(p, {-0.05, 0.02, 0.001}, 0, 0) / (1 - 0.05 + 0.02 + 0.001));
+      });
+  ExpectProjects(read("brown", R"("-0.05", "0.02", "0.001", "0.002", "-0.001")"),
+                 40,
+                 [&](const Eigen::Vector3d& p) {
+                   return in_pixels(Radtan(p, {-0.05, 0.02, 0.001}, 0.002, -0.001));
+                 });
+  ExpectProjects(
+      read("fisheye", R"("-0.02", "0.01", "-0.003", "0.0004")"), 80, [&](const Eigen::Vector3d& p) {
+        return in_pixels(Fisheye(p, [](double t) {
+          return t - 0.02 * std::pow(t, 3) + 0.01 * std::pow(t, 5) - 0.003 * std::pow(t, 7) +
+                 0.0004 * std::pow(t, 9);
+        }));
+      });
+  ExpectProjects(read("fisheye1", R"("0.9")"), 80, [&](const Eigen::Vector3d& p) {
+    return in_pixels(
+        Fisheye(p, [](double t) { return std::atan(2 * std::tan(t) * std::tan(0.9 / 2)) / 0.9; }));
+  });
+  // The shorter side of the sensor is that of a circle of 1000 px.
+  const CalibratedCamera fisheye =
+      ReadOne("alicevision", Sfm(R"("equidistant")", R"(], "fisheyeCircleRadius": "1000")"));
+  ExpectProjects(fisheye, 100, [&](const Eigen::Vector3d& p) {
+    const double fov = 18.5 / (f_x * 28.25 / 3424);
+    const Eigen::Vector2d m = Fisheye(p, [&](double t) { return t / (0.5 * fov); });
+    return Eigen::Vector2d(1000 * m.x() + 1712 + 3.25, 1000 * m.y() + 1101 - 8.5);
+  });
+  ExpectBack("alicevision", {fisheye});
+  // As version 1.2.4 wrote it: the inverse of the ratio, the distortion in the type.
+  const CalibratedCamera older =
+      ReadOne("alicevision", Sfm(R"("radial3")", R"("-0.05", "0.02", "0.001"])", "4"));
+  EXPECT_DOUBLE_EQ(older.params[1], f_x / 1.01);
+  EXPECT_EQ(older.model->name, "pinhole-radial3");
+}
+
+TEST_F(ForeignCameras, ARigIsInAliceVisionsFileWithOneViewACamera) {
+  std::vector<CalibratedCamera> rig(2, ReadOne("alicevision", Sfm(R"("pinhole")", "]")));
+  rig[0].name = "left";
+  rig[1].name = "right";
+  rig[1].T_camera_rig = {ExpRotation({0.1, -0.2, 0.3}), {-0.1, 0.02, 0.03}};
+  ExpectBack("alicevision", rig);
+  // Column by column, as Eigen stores the rotation into the camera.
+  const YAML::Node pose = YAML::Load(
+      FindCameraFormat("alicevision", "file")->write(rig))["poses"][1]["pose"]["transform"];
+  EXPECT_DOUBLE_EQ(pose["rotation"][1].as<double>(), rig[1].T_camera_rig.R(1, 0));
+}
+
+TEST_F(ForeignCameras, WhatAliceVisionCannotHoldIsRefused) {
+  ExpectRefused(
+      "alicevision", Sfm(R"("pinhole", "distortionType": "3deradial4")", "]"), {"'3deradial4'"});
+  ExpectRefused("alicevision",
+                Sfm(R"("pinhole", "undistortionType": "3declassicld")", "]"),
+                {"undistortionType", "3DEqualizer"});
+  ExpectRefused("alicevision",
+                Sfm(R"("equidistant", "distortionType": "radialk3")", "]"),
+                {"'equidistant radialk3'"});
+  ExpectRefused("alicevision", Sfm(R"("equidistant")", "]"), {"fisheyeCircleRadius"});
+  ExpectRefused("alicevision", Sfm(R"("pinhole")", "]", "1"), {"version", "1.2.2"});
 }
 
 }  // namespace TEST_FILE
