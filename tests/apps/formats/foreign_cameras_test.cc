@@ -310,5 +310,84 @@ TEST_F(ForeignCameras, WhatAliceVisionCannotHoldIsRefused) {
   ExpectRefused("alicevision", Sfm(R"("pinhole")", "]", "1"), {"version", "1.2.2"});
 }
 
+// --- Metashape: manual 1.5, appendix C.
+TEST_F(ForeignCameras, MetashapesLensesProjectAsThere) {
+  // ezwelty/glimpse, tests/agisoft.xml, with smaller coefficients.
+  const std::string xml = R"(<?xml version="1.0" encoding="UTF-8"?>
+<calibration>
+  <projection>frame</projection>
+  <width>4288</width>
+  <height>2848</height>
+  <f>3570</f>
+  <cx>3</cx>
+  <cy>4</cy>
+  <b1>7</b1>
+  <b2>15</b2>
+  <k1>0.03</k1>
+  <k2>-0.02</k2>
+  <k3>0.01</k3>
+  <k4>-0.001</k4>
+  <p1>0.002</p1>
+  <p2>-0.001</p2>
+  <date>2020-05-06T21:47:42Z</date>
+</calibration>
+)";
+  // (0.5, 0.5) is the centre of the first pixel there.
+  const auto project = [](const Eigen::Vector2d& m, double p1, double p2, double b2) {
+    const Eigen::Vector2d d =
+        Radtan({m.x(), m.y(), 1}, {0.03, -0.02, 0.01, -0.001}, /*p_1=*/p2, /*p_2=*/p1);
+    return Eigen::Vector2d(4288 * 0.5 + 3 + d.x() * 3570 + d.x() * 7 + d.y() * b2 - 0.5,
+                           2848 * 0.5 + 4 + d.y() * 3570 - 0.5);
+  };
+  const std::map<std::string, std::function<double(double)>> radii{
+      {"frame", [](double t) { return std::tan(t); }},
+      {"fisheye", [](double t) { return t; }},
+      {"equidistant_fisheye", [](double t) { return t; }},
+      {"equisolid_fisheye", [](double t) { return 2 * std::sin(t / 2); }}};
+  for (const auto& [projection, radius] : radii) {
+    SCOPED_TRACE(projection);
+    const CalibratedCamera camera =
+        ReadOne("metashape", Replaced(xml, ">frame<", ">" + projection + "<"));
+    const auto& of = radius;
+    ExpectProjects(camera, projection == "frame" ? 40 : 85, [&](const Eigen::Vector3d& p) {
+      return project(Fisheye(p, of), 0.002, -0.001, 15);
+    });
+    ExpectBack("metashape", {camera});
+  }
+  // Without what is zero, inside of a document.
+  const CalibratedCamera of_document = ReadOne("metashape", R"(<document version="2.0.0"><chunk>
+<sensors next_id="1"><sensor id="0" label="FC550" type="frame"><resolution width="4608" height="3456"/>
+<calibration type="frame" class="adjusted"><resolution width="4608" height="3456"/><f>4317.82144109411</f>
+<cx>54.3448479006764</cx><cy>3.5478801249494</cy><k1>0.0167015604921295</k1><k2>-0.0239416622459823</k2>
+<k3>0.0363031944008484</k3><p1>0.0035044847840485</p1><p2>0.00103698463015268</p2></calibration></sensor>
+</sensors></chunk></document>)");
+  EXPECT_EQ(of_document.model->name, "pinhole-radtan");
+  EXPECT_EQ(of_document.image_size, (ImageSize{4608, 3456}));
+  EXPECT_NEAR(of_document.params[2], 4608 / 2. + 54.3448479006764 - 0.5, kSame);
+  EXPECT_EQ(of_document.params[6], 0.00103698463015268);  // p_1 is their p2
+  const CalibratedCamera panorama = ReadOne(
+      "metashape",
+      "<calibration><projection>spherical</projection><width>2000</width><height>1000</height>"
+      "</calibration>");
+  ExpectProjects(panorama, 170, [](const Eigen::Vector3d& p) {
+    const double f = 2000 / (2 * std::numbers::pi);
+    return Eigen::Vector2d(1000 + f * std::atan2(p.x(), p.z()) - 0.5,
+                           500 + f * std::atan(p.y() / std::hypot(p.x(), p.z())) - 0.5);
+  });
+  ExpectBack("metashape", {panorama});
+}
+
+TEST_F(ForeignCameras, WhatMetashapeCannotHoldIsRefused) {
+  const std::string xml =
+      "<calibration><projection>frame</projection><width>640</width><height>480</height><f>500</f>"
+      "<p1>0.01</p1><p3>0</p3></calibration>";
+  EXPECT_EQ(ReadOne("metashape", xml).model->name, "pinhole-radtan4");
+  ExpectRefused("metashape", Replaced(xml, "<p3>0<", "<p3>0.1<"), {"<p3>"});
+  ExpectRefused("metashape", Replaced(xml, "frame", "cylindrical"), {"'cylindrical'"});
+  ExpectRefused("metashape", Replaced(xml, "640", "x"), {"<width>", "'x'"});
+  ExpectRefused("metashape", Replaced(xml, "<f>500</f>", ""), {"<f>"});
+  ExpectRefused("metashape", "<document></document>", {"<calibration>"});
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
