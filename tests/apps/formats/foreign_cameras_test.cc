@@ -389,5 +389,111 @@ TEST_F(ForeignCameras, WhatMetashapeCannotHoldIsRefused) {
   ExpectRefused("metashape", "<document></document>", {"<calibration>"});
 }
 
+// --- Aria: FisheyeRadTanThinPrism.h, KannalaBrandtK3.h; the numbers are those of
+// projectaria_tools, camera_projections/test/CameraProjectionTest.cpp.
+std::string Aria(const std::string& label, const std::string& name, const std::string& params) {
+  return R"({"DeviceClassInfo": {}, "CameraCalibrations": [{"Calibrated": true, "Label": ")" +
+         label + R"(", "SerialNumber": "0072510f", "Projection": {"Name": ")" + name +
+         R"(", "Params": [)" + params +
+         R"(]}, "T_Device_Camera": {"Translation": [0.01, -0.02, 0.03],
+"UnitQuaternion": [0.8, [0.6, 0, 0]]}}]})";
+}
+constexpr const char* kAriaRadial =
+    "-0.02689165420917155, 0.1019919163316408, -0.07180862612716554, 0.01245898233008245, "
+    "0.001242086400994195, -0.0004149914187376608";
+constexpr const char* kAriaTangential = "0.0005499786009926172, 0.0005819661606400815";
+constexpr const char* kAriaPrism =
+    "-0.001232007804086031, -0.0003868334860997226, -0.0005963449586486949, 1.071922498768078e-05";
+
+TEST_F(ForeignCameras, AriasLensesProjectAsThere) {
+  const auto project = [](const Eigen::Vector3d& p, double f_u, double f_v, bool prism) {
+    const double k[]{-0.02689165420917155,
+                     0.1019919163316408,
+                     -0.07180862612716554,
+                     0.01245898233008245,
+                     0.001242086400994195,
+                     -0.0004149914187376608};
+    const Eigen::Vector2d r = Fisheye(p, [&](double th) {
+      double series = th, power = th;
+      for (const double k_i : k) series += k_i * (power *= th * th);
+      return series;
+    });
+    const double rd2 = r.squaredNorm(), p_0 = 0.0005499786009926172, p_1 = 0.0005819661606400815;
+    Eigen::Vector2d uv = r;
+    uv.x() += (2 * r.x() * r.x() + rd2) * p_0 + 2 * r.x() * r.y() * p_1;
+    uv.y() += (2 * r.y() * r.y() + rd2) * p_1 + 2 * r.x() * r.y() * p_0;
+    if (prism) {
+      uv.x() += -0.001232007804086031 * rd2 - 0.0003868334860997226 * rd2 * rd2;
+      uv.y() += -0.0005963449586486949 * rd2 + 1.071922498768078e-05 * rd2 * rd2;
+    }
+    return Eigen::Vector2d(f_u * uv.x() + 319.8053191211108, f_v * uv.y() + 240.9679064324467);
+  };
+  const std::string centre = "319.8053191211108, 240.9679064324467, ";
+  const std::string lens = fmt::format("{}{}, {}", centre, kAriaRadial, kAriaTangential);
+  const auto check =
+      [&](const std::string& name, const std::string& params, double f_v, bool prism) {
+        CalibratedCamera camera = ReadOne("aria", Aria("camera-slam-left", name, params));
+        EXPECT_EQ(camera.image_size, (ImageSize{640, 480}));
+        EXPECT_EQ(camera.name, "camera-slam-left");
+        if (f_v == 243) {  // projectaria-tools 2.3.0 would read it with a shifted centre
+          ExpectNotWritten("aria", camera, {"one focal length", "243"});
+        } else {
+          ExpectBack("aria", {camera});
+        }
+        camera.T_camera_rig = {};
+        ExpectProjects(camera, 70, [&](const Eigen::Vector3d& p) {
+          return project(p, 242.0503165415735, f_v, prism);
+        });
+      };
+  check("FisheyeRadTanThinPrism",
+        fmt::format("242.0503165415735, {}, {}", lens, kAriaPrism),
+        242.0503165415735,
+        true);
+  check("FisheyeRadTanThinPrism",
+        fmt::format("242.0503165415735, 243, {}, {}", lens, kAriaPrism),
+        243,
+        true);
+  check("Fisheye62", "242.0503165415735, " + lens, 242.0503165415735, false);
+  CalibratedCamera kb =
+      ReadOne("aria",
+              Aria("camera-rgb",
+                   "KannalaBrandtK3",
+                   "556.9648709428538, 555.9836002606175, 319.5000821079618, 239.500905501914, "
+                   "0.03981131761869532, -0.03980438501559722, 0.1244291105385938, "
+                   "-0.2780730001905606"));
+  EXPECT_EQ(kb.image_size, (ImageSize{2880, 2880}));
+  ExpectBack("aria", {kb});
+  // T_Device_Camera maps the camera's centre to its place in the device.
+  EXPECT_LT((kb.T_camera_rig * Eigen::Vector3d(0.01, -0.02, 0.03)).norm(), kRotation);
+  EXPECT_NEAR((kb.T_camera_rig.R.transpose() * Eigen::Vector3d::UnitY()).z(), 0.96, kRotation);
+  kb.T_camera_rig = {};
+  ExpectProjects(kb, 40, [](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d m = Fisheye(p, [](double t) {
+      return t * (1 + 0.03981131761869532 * std::pow(t, 2) - 0.03980438501559722 * std::pow(t, 4) +
+                  0.1244291105385938 * std::pow(t, 6) - 0.2780730001905606 * std::pow(t, 8));
+    });
+    return Eigen::Vector2d(556.9648709428538 * m.x() + 319.5000821079618,
+                           555.9836002606175 * m.y() + 239.500905501914);
+  });
+}
+
+TEST_F(ForeignCameras, WhatAriaCannotHoldIsRefused) {
+  const std::string params = "242, 320, 240, 0, 0, 0, 0, 0, 0, 0, 0";
+  EXPECT_EQ(ReadCameras("aria", Aria("left", "Fisheye62", params), "file", ImageSize{64, 48})
+                .at(0)
+                .image_size,
+            (ImageSize{64, 48}));
+  ExpectRefused("aria", Aria("left", "Fisheye62", params), {"Label", "--size"});
+  ExpectRefused("aria", Aria("camera-rgb", "Fisheye62", "242, 320"), {"Params", "11 or 12"});
+  ExpectRefused("aria", Aria("camera-rgb", "Linear", params), {"'Linear'"});
+  // As projectaria-tools 2.3.0 writes it, with the size.
+  const std::string sized =
+      Replaced(Aria("camera-rgb", "Fisheye62", params),
+               "\"SerialNumber\"",
+               R"("ConfigData": {"ImageHeight": 1408, "ImageWidth": 1400}, "SerialNumber")");
+  EXPECT_EQ(ReadOne("aria", sized).image_size, (ImageSize{1400, 1408}));
+  ExpectBack("aria", {ReadOne("aria", sized)});
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
