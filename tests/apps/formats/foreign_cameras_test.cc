@@ -495,5 +495,110 @@ TEST_F(ForeignCameras, WhatAriaCannotHoldIsRefused) {
   ExpectBack("aria", {ReadOne("aria", sized)});
 }
 
+// --- OCamCalib: ocam_functions.c; the numbers are of an OCamCalib 3.0 file, with a larger d.
+constexpr const char* kOcam =
+    "#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB)\n\n"
+    "5 -2.716972e+02 0.000000e+00 1.741744e-04 1.840940e-06 -8.024838e-10 \n\n"
+    "#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB)\n\n"
+    "3 583.439624 470.805865 97.165132 \n\n#center: \"row\" and \"column\", starting from 0\n\n"
+    "728.648728 729.090632\n\n#affine parameters \"c\", \"d\", \"e\"\n\n1.001407 -0.003 0.000221\n\n"
+    "#image size: \"height\" and \"width\"\n\n1440 1400\n\n";
+
+TEST_F(ForeignCameras, PixelsOfOCamCalibAreSeenWhereItSeesThem) {
+  const CalibratedCamera camera = ReadOne("ocamcalib", kOcam);
+  EXPECT_EQ(camera.model->name, "scaramuzza+skew");
+  EXPECT_EQ(camera.image_size, (ImageSize{1400, 1440}));
+  for (const auto& [column, row] :
+       {std::pair(729., 728.), std::pair(0., 0.), std::pair(1399., 300.), std::pair(650., 1439.)}) {
+    const double c = 1.001407, d = -0.003, e = 0.000221, determinant = c - d * e;
+    const double x = ((row - 728.648728) - d * (column - 729.090632)) / determinant;
+    const double y = (-e * (row - 728.648728) + c * (column - 729.090632)) / determinant;
+    const double rho = std::hypot(x, y);
+    const double z = -2.716972e+02 + 1.741744e-04 * rho * rho + 1.840940e-06 * std::pow(rho, 3) -
+                     8.024838e-10 * std::pow(rho, 4);
+    double u[2];
+    ASSERT_TRUE(camera.model->Project(camera.params.data(),
+                                      nullptr,
+                                      nullptr,
+                                      camera.T_camera_rig.R * Eigen::Vector3d(y, x, -z),
+                                      u));
+    EXPECT_NEAR(u[0], column, kSame);
+    EXPECT_NEAR(u[1], row, kSame);
+  }
+  // The file holds no pose: the rotation about the axis is that of the affine parameters.
+  CalibratedCamera alone = camera;
+  alone.T_camera_rig = {};
+  ExpectBack("ocamcalib", {alone});
+  // The inverse polynomial that is written fits the direct one.
+  const std::string text = FindCameraFormat("ocamcalib", "file")->write({alone});
+  EXPECT_THAT(text, HasSubstr("a fit to 0.00"));
+}
+
+TEST_F(ForeignCameras, WhatOCamCalibCannotHoldIsRefused) {
+  ExpectRefused("ocamcalib", Replaced(kOcam, "e+02 0.000000", "e+02 0.1"), {"file:3", "rho^1"});
+  ExpectRefused("ocamcalib", Replaced(kOcam, "5 -2.71", "6 -2.71"), {"file:3", "as many"});
+  ExpectRefused("ocamcalib", Replaced(kOcam, "5 -2.71", "5 2.71"), {"backwards"});
+  ExpectRefused("ocamcalib", Replaced(kOcam, "1440 1400", ""), {"five lines"});
+  ExpectRefused("ocamcalib", Replaced(kOcam, "728.648728 ", ""), {"file:11", "2 numbers"});
+  ExpectNotWritten("ocamcalib", ReadOne("openmvg", SfmData("pinhole", kSfmSize)), {"ocamcalib"});
+}
+
+TEST_F(ForeignCameras, MatlabsFisheyeSeesItsPixelsAsThere) {
+  // (1, 1) is the centre of the first pixel; the sensor's point is at inv(StretchMatrix) (p - c).
+  const std::string json =
+      R"({"MappingCoefficients": [875.3, -0.0003, 1e-7, -2e-11], "ImageSize": [1500, 2000],
+"DistortionCenter": [1005.5, 745.25], "StretchMatrix": [[1.002, 0.003], [-0.004, 1]]})";
+  const CalibratedCamera camera = ReadOne("matlab", json);
+  EXPECT_EQ(camera.image_size, (ImageSize{2000, 1500}));
+  Eigen::Matrix2d stretch;
+  stretch << 1.002, 0.003, -0.004, 1;
+  for (const auto& [x, y] : {std::pair(1005., 745.), std::pair(1., 1.), std::pair(1999., 300.)}) {
+    const Eigen::Vector2d m = stretch.inverse() * Eigen::Vector2d(x - 1005.5, y - 745.25);
+    const double rho = m.norm();
+    const Eigen::Vector3d ray(
+        m.x(),
+        m.y(),
+        875.3 - 0.0003 * rho * rho + 1e-7 * std::pow(rho, 3) - 2e-11 * std::pow(rho, 4));
+    double u[2];
+    ASSERT_TRUE(camera.model->Project(
+        camera.params.data(), nullptr, nullptr, camera.T_camera_rig.R * ray, u));
+    EXPECT_NEAR(u[0], x - 1, kSame);
+    EXPECT_NEAR(u[1], y - 1, kSame);
+  }
+  CalibratedCamera alone = camera;
+  alone.T_camera_rig = {};
+  ExpectBack("matlab", {alone});
+  ExpectBack("mat", {alone});
+  ExpectRefused("matlab", Replaced(json, "[875.3, ", "["), {"MappingCoefficients", "4 numbers"});
+  ExpectRefused("matlab", Replaced(json, "[875.3, ", "[-875.3, "), {"backwards"});
+  ExpectRefused("matlab", Replaced(json, ", [-0.004, 1]]", "]"), {"StretchMatrix"});
+  ExpectRefused("matlab", Replaced(json, "[1.002, 0.003]", "[-1.002, 0.003]"), {"mirrors"});
+}
+
+TEST_F(ForeignCameras, ASkewedPinholeOfMatlabIsRead) {
+  const CalibratedCamera camera =
+      ReadOne("matlab",
+              R"({"FocalLength": [500, 510], "PrincipalPoint": [321, 241], "ImageSize": [480, 640],
+"RadialDistortion": [-0.1, 0.02], "TangentialDistortion": [0.001, -0.002], "Skew": 2.5})");
+  ExpectProjects(camera, 35, [](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d m = Radtan(p, {-0.1, 0.02}, 0.001, -0.002);
+    return Eigen::Vector2d(500 * m.x() + 2.5 * m.y() + 320, 510 * m.y() + 240);
+  });
+  ExpectBack("matlab", {camera});
+}
+
+TEST_F(ForeignCameras, ScaramuzzaWithOneTermIsTheDivisionModel) {
+  CalibratedCamera a, b;
+  a.model = FindModel(CameraModels(), "scaramuzza");
+  a.params = {250, 252, 322, 243, -0.22, 0, 0};
+  b.model = FindModel(CameraModels(), "division");
+  b.params = {250, 252, 322, 243, -0.22};
+  ExpectProjects(a, 150, [&](const Eigen::Vector3d& p) {
+    double u[2];
+    EXPECT_TRUE(b.model->Project(b.params.data(), nullptr, nullptr, p, u));
+    return Eigen::Vector2d(u[0], u[1]);
+  });
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
