@@ -600,5 +600,78 @@ TEST_F(ForeignCameras, ScaramuzzaWithOneTermIsTheDivisionModel) {
   });
 }
 
+// --- CAHVOR: mrcal.c (project with LENSMODEL_CAHVOR), cahvor.py.
+TEST_F(ForeignCameras, CahvorProjectsAsInMrcal) {
+  const std::vector<double> k{2000, 2010, 1000, 800, 0.03, -0.05, 0.02, -0.3, 0.1};
+  const std::string text =
+      "{ 'lensmodel': 'LENSMODEL_CAHVOR', 'intrinsics': [2000, 2010, 1000, 800, 0.03, -0.05, 0.02, "
+      "-0.3, 0.1],\n'extrinsics': [0.1, -0.2, 0.3, 1, 2, 3], 'imagersize': [2000, 1600] }\n";
+  const CalibratedCamera camera = ReadOne("mrcal", text);
+  EXPECT_EQ(camera.model->name, "pinhole-radial3+tilt+skew");
+  const RigidTransform T{ExpRotation({0.1, -0.2, 0.3}), {1, 2, 3}};
+  const auto project = [&](const Eigen::Vector3d& in_rig) {
+    const Eigen::Vector3d p = T * in_rig;
+    const Eigen::Vector3d o(
+        std::sin(k[4]) * std::cos(k[5]), std::sin(k[5]), std::cos(k[4]) * std::cos(k[5]));
+    const double omega = p.dot(o);
+    const Eigen::Vector3d lambda = p - omega * o;
+    const double tau = lambda.squaredNorm() / (omega * omega);
+    const Eigen::Vector3d moved = p + (k[6] + k[7] * tau + k[8] * tau * tau) * lambda;
+    return Eigen::Vector2d(k[0] * moved.x() / moved.z() + k[2],
+                           k[1] * moved.y() / moved.z() + k[3]);
+  };
+  ExpectProjects(camera, 28, project);
+  // As .cahvor.
+  Write("camera.cahvor", FindCameraFormat("mrcal", "camera.cahvor")->write({camera}));
+  const CameraFormat& format = *FindCameraFormat("mrcal", "camera.cahvor");
+  EXPECT_EQ(format.name, "cahvor");
+  ExpectProjects(ReadCameraFile(format, {Path("camera.cahvor"), {}}).at(0), 28, project);
+  if (std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "no python3-mrcal";
+  }
+  Write("project.py", R"(
+import mrcal, numpy as np
+m = mrcal.cameramodel('camera.cahvor')
+assert m.intrinsics()[0] == 'LENSMODEL_CAHVOR', m.intrinsics()[0]
+p = np.array([[0.4 * np.sin(i), 0.3 * np.cos(3 * i), 1.0] for i in range(100)])
+q = mrcal.project(p, *m.intrinsics())
+r = mrcal.transform_point_Rt(m.extrinsics_Rt_toref(), p)
+print('X,Y,Z,x,y')
+for row in np.hstack((r, q)): print(','.join(f'{value:.17g}' for value in row))
+)");
+  const std::string command =
+      "cd " + Path("").string() + " && /usr/bin/python3 project.py > projected.csv";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const Table projected(Read("projected.csv"));
+  for (size_t i = 0; i < 100; ++i) {
+    const Eigen::Vector2d expected =
+        project({projected.Numbers("X")[i], projected.Numbers("Y")[i], projected.Numbers("Z")[i]});
+    EXPECT_NEAR(projected.Numbers("x")[i], expected.x(), kSame);
+    EXPECT_NEAR(projected.Numbers("y")[i], expected.y(), kSame);
+  }
+}
+
+TEST_F(ForeignCameras, CahvorFilesAreRead) {
+  // mrcal, doc/data/figueroa-overpass-looking-S/splined-0.scale0.35.cahvor
+  const std::string text =
+      "Dimensions = 6016 4016\nModel = CAHV = perspective, linear\n"
+      "C =   -0.0000000000   -0.0000000000   -0.0000000000\n"
+      "A =    0.0000000000    0.0000000000    1.0000000000\n"
+      "H =  706.6353735000    0.0000000000 3017.6396080000\n"
+      "V =    0.0000000000  720.6420364000 1957.2919280000\n"
+      "Hs = 706.6353735\n# this is hard-coded\nTheta = -1.5707963267948966 (-90.0 deg)\n";
+  const CalibratedCamera camera = ReadOne("cahvor", text);
+  EXPECT_EQ(camera.model->name, "pinhole");
+  EXPECT_EQ(camera.params, (std::vector{706.6353735, 720.6420364, 3017.639608, 1957.291928}));
+  ExpectRefused("cahvor", Replaced(text, "A =", "B ="), {"'A = ...'"});
+  ExpectRefused("cahvor", Replaced(text, "Model = CAHV", "Model = CAHVORE3,0.37"), {"CAHVORE"});
+  ExpectRefused("cahvor", Replaced(text, "1.0000000000\nH", "-1.0000000000\nH"), {"no camera"});
+  ExpectRefused("cahvor", text + "LENSMODEL_OPENCV4 = 1 2 3 4\n", {".cameramodel"});
+  CalibratedCamera skewed = camera;
+  skewed.model = FindModel(CameraModels(), "pinhole-radial3+tilt+skew");
+  skewed.params.insert(skewed.params.end(), {0, 0, 0, 0, 0, 0.001});
+  ExpectNotWritten("cahvor", skewed, {"skew of 0.001"});
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
