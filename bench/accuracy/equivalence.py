@@ -50,6 +50,7 @@ COLMAP = {
     "THIN_PRISM_FISHEYE": ([0.05, 0.01, 1e-3, 1e-3, 0.005, 0.001, 1e-3, 1e-3], 60),
     "RAD_TAN_THIN_PRISM_FISHEYE": ([0.05, 0.02, 0.005, 0.001, 3e-4, 1e-4, 1e-3, 1e-3, 1e-3, 3e-4, 1e-3, 3e-4], 60),
     "FOV": ([], 60), "SIMPLE_DIVISION": ([0.1], 40), "DIVISION": ([0.1], 40), "EUCM": ([], 70),
+    "EQUIRECTANGULAR": ([], 170),
 }
 
 
@@ -62,6 +63,8 @@ def colmap(plenocal, random, place, name):
         numbers.append(random.uniform(0.3, 1.2))
     if name == "EUCM":
         numbers += [random.uniform(0.3, 0.7), random.uniform(0.8, 1.2)]
+    if name == "EQUIRECTANGULAR":
+        numbers = [WIDTH, HEIGHT]
     text = f"1 {name} {WIDTH} {HEIGHT} {' '.join(map(repr, map(float, numbers)))}\n"
     camera = imported(plenocal, place, "cameras.txt", text, "colmap").cameras[0]
     theirs = pycolmap.Camera(model=name, width=WIDTH, height=HEIGHT, params=numbers)

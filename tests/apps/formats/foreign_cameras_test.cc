@@ -673,5 +673,29 @@ TEST_F(ForeignCameras, CahvorFilesAreRead) {
   ExpectNotWritten("cahvor", skewed, {"skew of 0.001"});
 }
 
+// --- COLMAP: sensor/models.h; ROS: OpenCV's coefficients.
+TEST_F(ForeignCameras, APanoramaOfColmapHasItsSizeAsParameters) {
+  const CalibratedCamera camera = ReadOne("colmap", "1 EQUIRECTANGULAR 2000 1000 2000.0 1000.0\n");
+  ExpectProjects(camera, 170, [](const Eigen::Vector3d& p) {
+    const double azimuth = std::atan2(p.x(), p.z());
+    const double elevation = std::atan2(p.y(), std::hypot(p.x(), p.z()));
+    return Eigen::Vector2d(2000 * (azimuth / (2 * std::numbers::pi) + 0.5) - 0.5,
+                           1000 * (elevation / std::numbers::pi + 0.5) - 0.5);
+  });
+  ExpectBack("colmap", {camera});
+  ExpectRefused(
+      "colmap", "1 EQUIRECTANGULAR 2000 1000 2000 1000 3\n", {"file:1", "width and height"});
+}
+
+TEST_F(ForeignCameras, FourteenCoefficientsOfRosAreReadAndNotWritten) {
+  const CalibratedCamera camera = ReadOne(
+      "ros",
+      "image_width: 640\nimage_height: 480\ncamera_matrix:\n  data: [500, 0, 320, 0, 510, 240, 0, 0, "
+      "1]\ndistortion_model: rational_polynomial\ndistortion_coefficients:\n  data: [0.1, 0.02, "
+      "0.001, 0.002, 0.01, 0.1, 0.03, 0.01, 0.001, 0.0005, -0.001, 0.0003, 0.03, -0.02]\n");
+  EXPECT_EQ(camera.model->name, "pinhole-radtan12+tilt");
+  ExpectNotWritten("ros", camera, {"ros", "pinhole-radtan12+tilt"});
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
