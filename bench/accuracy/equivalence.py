@@ -50,6 +50,7 @@ COLMAP = {
     "THIN_PRISM_FISHEYE": ([0.05, 0.01, 1e-3, 1e-3, 0.005, 0.001, 1e-3, 1e-3], 60),
     "RAD_TAN_THIN_PRISM_FISHEYE": ([0.05, 0.02, 0.005, 0.001, 3e-4, 1e-4, 1e-3, 1e-3, 1e-3, 3e-4, 1e-3, 3e-4], 60),
     "FOV": ([], 60), "SIMPLE_DIVISION": ([0.1], 40), "DIVISION": ([0.1], 40), "EUCM": ([], 70),
+    "EQUIRECTANGULAR": ([], 170),
 }
 
 
@@ -62,6 +63,8 @@ def colmap(plenocal, random, place, name):
         numbers.append(random.uniform(0.3, 1.2))
     if name == "EUCM":
         numbers += [random.uniform(0.3, 0.7), random.uniform(0.8, 1.2)]
+    if name == "EQUIRECTANGULAR":
+        numbers = [WIDTH, HEIGHT]
     text = f"1 {name} {WIDTH} {HEIGHT} {' '.join(map(repr, map(float, numbers)))}\n"
     camera = imported(plenocal, place, "cameras.txt", text, "colmap").cameras[0]
     theirs = pycolmap.Camera(model=name, width=WIDTH, height=HEIGHT, params=numbers)
@@ -101,8 +104,34 @@ def omnidir(plenocal, random, place, name):
     return camera, points, seen.reshape(-1, 2)
 
 
+# Number of radial, tangential and prism coefficients, with one focal length.
+ARIA = {"FisheyeRadTanThinPrism": (6, 2, 4), "Fisheye62": (6, 2, 0), "KannalaBrandtK3": (4, 0, 0)}
+
+
+def aria(plenocal, random, place, name):
+    import json
+    from projectaria_tools.core import calibration
+    radial, tangential, prism = ARIA[name]
+    sizes = [0.05, 0.02, 0.005, 0.001, 3e-4, 1e-4][:radial] + [1e-3] * tangential + [1e-3, 3e-4, 1e-3, 3e-4][:prism]
+    numbers = intrinsics(random, one_focal_length=name != "KannalaBrandtK3") + [size * random.uniform(-1, 1) for size in sizes]
+    label = "camera-slam-left"
+    text = json.dumps({
+        "DeviceClassInfo": {"BuildVersion": "DVT-S", "DeviceClass": "Aria"},
+        "OriginSpecification": {"Type": "Custom", "ChildLabel": label},
+        "CameraCalibrations": [{"Calibrated": True, "Label": label, "SerialNumber": "", "Projection": {"Name": name, "Params": numbers},
+                                "ConfigData": {"ImageWidth": WIDTH, "ImageHeight": HEIGHT},
+                                "T_Device_Camera": {"Translation": [0.0, 0.0, 0.0], "UnitQuaternion": [1.0, [0.0, 0.0, 0.0]]}}]})
+    camera = imported(plenocal, place, "calibration.json", text, "aria").cameras[0]
+    # Its reader takes the file that is written back.
+    plenocal.run(["export", place / "imported/calibration.yaml", "--format", "aria", "-o", place / "back.json"])
+    theirs = calibration.device_calibration_from_json_string((place / "back.json").read_text()).get_camera_calib(label)
+    points = directions(random, 60)
+    return camera, points, np.array([theirs.project_no_checks(p) for p in points])
+
+
 PROGRAMS = {
     "COLMAP (pycolmap)": ("pycolmap", colmap, list(COLMAP)),
+    "Project Aria (projectaria-tools)": ("projectaria_tools", aria, list(ARIA)),
     "OpenCV": ("cv2", opencv14, ["14 coefficients"]),
     "OpenCV contrib": ("cv2.omnidir", omnidir, ["omnidir, Kalibr omni-radtan"]),
 }

@@ -26,7 +26,7 @@ struct BinaryModel {
   size_t params;
 };
 /// By the number that stands for the model in binary files.
-constexpr std::array<BinaryModel, 11> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
+constexpr std::array<BinaryModel, 18> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
                                                      {"PINHOLE", 4},
                                                      {"SIMPLE_RADIAL", 4},
                                                      {"RADIAL", 5},
@@ -36,7 +36,14 @@ constexpr std::array<BinaryModel, 11> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
                                                      {"FOV", 5},
                                                      {"SIMPLE_RADIAL_FISHEYE", 4},
                                                      {"RADIAL_FISHEYE", 5},
-                                                     {"THIN_PRISM_FISHEYE", 12}}};
+                                                     {"THIN_PRISM_FISHEYE", 12},
+                                                     {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                                     {"SIMPLE_DIVISION", 4},
+                                                     {"DIVISION", 5},
+                                                     {"SIMPLE_FISHEYE", 3},
+                                                     {"FISHEYE", 4},
+                                                     {"EUCM", 6},
+                                                     {"EQUIRECTANGULAR", 2}}};
 
 /// A member of a model file, numbered from 1.
 std::string PlaceIn(const fs::path& file, const char* what, std::uint64_t number) {
@@ -121,7 +128,7 @@ std::vector<ColmapCamera> ReadBinaryCameras(const fs::path& file) {
 std::vector<ColmapCamera> ReadTextCameras(const fs::path& file) {
   std::vector<ColmapCamera> cameras;
   for (const WordLine& line : ReadWordLines(file)) {
-    if (line.words.size() < 7) line.Fail("expected 'ID MODEL WIDTH HEIGHT PARAMS...'");
+    if (line.words.size() < 6) line.Fail("expected 'ID MODEL WIDTH HEIGHT PARAMS...'");
     cameras.push_back({.id = line.Count(0),
                        .model = line.words[1],
                        .image_size = {line.Pixels(2), line.Pixels(3)},

@@ -229,6 +229,52 @@ CalibratedCamera FromLens(const Lens& lens,
       lens.name);
 }
 
+CalibratedCamera PanoramaCamera(ImageSize image_size, const std::array<double, 4>& params) {
+  CalibratedCamera camera;
+  camera.model = FindModel(CameraModels(), "spherical");
+  camera.image_size = image_size;
+  camera.params.assign(params.begin(), params.end());
+  return camera;
+}
+
+void CheckPanorama(const CalibratedCamera& camera,
+                   const std::array<double, 4>& params,
+                   std::string_view tool) {
+  constexpr double kSame = 1e-7;  // px, and px / rad
+  for (size_t i = 0; i < params.size(); ++i) {
+    if (std::abs(camera.params[i] - params[i]) < kSame) continue;
+    throw JobError(
+        "camera '{}': {} takes the parameters from the size of a spherical image, {} = {}, this one "
+        "has {}; calibrate with 'initial: {{f_x: {}, f_y: {}, c_x: {}, c_y: {}}}' and "
+        "'fixed: [f_x, f_y, c_x, c_y]'",
+        camera.name,
+        tool,
+        kIntrinsics.at(i),
+        params[i],
+        camera.params[i],
+        params[0],
+        params[1],
+        params[2],
+        params[3]);
+  }
+}
+
+void RequireOneFocalLength(const CalibratedCamera& camera,
+                           const Lens& lens,
+                           std::string_view tool) {
+  if (lens.f_x == lens.f_y) return;
+  const double most = 0.25 * std::max(camera.image_size[0] * std::abs(1 - lens.f_y / lens.f_x),
+                                      camera.image_size[1] * std::abs(1 - lens.f_x / lens.f_y));
+  throw JobError(
+      "camera '{}': {} has one focal length, this camera has f_x = {} and f_y = {}; with their mean "
+      "in a copy of calibration.yaml points move by up to {:.2g} px",
+      camera.name,
+      tool,
+      lens.f_x,
+      lens.f_y,
+      most);
+}
+
 const LensTable& OpenCvLenses() {
   static const LensTable kTable{
       "opencv",

@@ -73,6 +73,16 @@ CalibratedCamera FromLens(const Lens& lens,
                           const LensTable& table,
                           const std::string& where);
 
+/// A spherical camera of a tool that takes f_x f_y c_x c_y from the size of the image.
+CalibratedCamera PanoramaCamera(ImageSize image_size, const std::array<double, 4>& params);
+/// Throws `Error` of kind kJob when a spherical camera has other parameters than the tool takes.
+void CheckPanorama(const CalibratedCamera& camera,
+                   const std::array<double, 4>& params,
+                   std::string_view tool);
+
+/// Throws `Error` of kind kJob when the focal lengths differ, for tools that have one.
+void RequireOneFocalLength(const CalibratedCamera& camera, const Lens& lens, std::string_view tool);
+
 /// OpenCV's coefficients k1 k2 p1 p2 k3 ..., named "radtan", and its fisheye's, named "fisheye".
 const LensTable& OpenCvLenses();
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The numbers of MATLAB's cameraIntrinsics.
+// The arguments of MATLAB's cameraIntrinsics, of a fisheye those of fisheyeIntrinsics.
 #pragma once
 
-#include <array>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -11,15 +11,24 @@
 
 namespace plenocal {
 
-/// The arguments of MATLAB's cameraIntrinsics, of one camera.
-struct MatlabIntrinsics {
-  std::array<double, 2> focal_length, principal_point;  ///< px, (1, 1) at the first pixel's centre
-  std::array<double, 2> image_size;                     ///< rows, columns
-  std::vector<double> radial_distortion;                ///< two or three
-  std::array<double, 2> tangential_distortion;
+/// One argument, a matrix.
+struct MatlabArgument {
+  std::string name;
+  int rows = 1;
+  std::vector<double> values;  ///< column by column
 };
 
-MatlabIntrinsics ToMatlab(const CalibratedCamera& camera);
-CalibratedCamera FromMatlab(const MatlabIntrinsics& intrinsics, const std::string& where);
+std::vector<MatlabArgument> ToMatlab(const CalibratedCamera& camera);
+
+/// Of a file: the values of an argument, column by column, of which there are `least` to `most`.
+/// Throws `Error` of kind kInput with the file.
+using ReadMatlabArgument =
+    std::function<std::vector<double>(const std::string& name, size_t least, size_t most)>;
+CalibratedCamera FromMatlab(const ReadMatlabArgument& read,
+                            bool is_fisheye,
+                            const std::string& where);
+
+/// The argument that fisheyeIntrinsics alone has.
+inline constexpr const char* kMatlabFisheye = "MappingCoefficients";
 
 }  // namespace plenocal

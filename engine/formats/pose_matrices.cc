@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/formats/pose_matrices.h"
 
+#include <algorithm>
+#include <filesystem>
+
 #include "calib/files/checks/transform_keys.h"
 
 namespace plenocal {
@@ -40,6 +43,53 @@ RigidTransform FromRectified(const std::vector<double>& R, double shift, const Y
 RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t) {
   return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data()),
           Eigen::Map<const Eigen::Vector3d>(t.data())};
+}
+
+std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
+                                  const std::vector<size_t>& cameras) {
+  const bool is_rig = calibration.cameras.size() > 1;
+  std::vector<ViewImage> images;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const CalibratedCamera& camera = calibration.cameras[cameras[c]];
+    for (size_t f = 0; f < calibration.frames.size(); ++f) {
+      const int frame = static_cast<int>(f);
+      if (is_rig && !camera.view_poses.contains(frame)) continue;
+      images.push_back(
+          {c,
+           (is_rig ? camera.name + "/" : std::string()) + calibration.frames[f].name + ".png",
+           calibration.CameraFromTarget(cameras[c], frame)});
+    }
+  }
+  return images;
+}
+
+std::vector<ViewImage> RigImages(const std::vector<CalibratedCamera>& cameras) {
+  std::vector<ViewImage> images;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    images.push_back({c, cameras[c].name + ".png", cameras[c].T_camera_rig});
+  }
+  return images;
+}
+
+void TakeRigImages(const std::vector<ViewImage>& images,
+                   bool posed,
+                   std::vector<CalibratedCamera>* cameras) {
+  std::vector<const ViewImage*> only(cameras->size());
+  std::vector<int> counts(cameras->size());
+  for (const ViewImage& image : images) {
+    only[image.camera] = &image;
+    ++counts[image.camera];
+  }
+  const bool is_rig = posed && std::ranges::all_of(counts, [](int count) { return count == 1; });
+  for (size_t c = 0; c < only.size(); ++c) {
+    if (counts[c] != 1) continue;
+    (*cameras)[c].name = std::filesystem::path(only[c]->file).stem().string();
+    if (is_rig) (*cameras)[c].T_camera_rig = only[c]->T_camera_target;
+  }
+}
+
+RigidTransform CameraAt(const Eigen::Matrix3d& R, const std::vector<double>& centre) {
+  return {R, -(R * Eigen::Map<const Eigen::Vector3d>(centre.data()))};
 }
 
 void MakeFirstMaster(std::vector<CalibratedCamera>* cameras) {

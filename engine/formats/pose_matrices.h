@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "calib/files/calibration_record.h"
@@ -27,6 +28,27 @@ std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T);
 /// rectified orientation, in which the camera is `shift` metres left of the first camera. Fails at
 /// `node` when R is not a rotation.
 RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node);
+
+/// An image of a frame, as tools for many images have it.
+struct ViewImage {
+  size_t camera = 0;  ///< place among the cameras asked for
+  std::string file;   ///< `<frame>.png`, of several cameras `<camera>/<frame>.png`
+  RigidTransform T_camera_target;
+};
+/// The images of a calibration's frames by some of its cameras; of a rig those with used
+/// observations.
+std::vector<ViewImage> ViewImages(const CalibrationRecord& calibration,
+                                  const std::vector<size_t>& cameras);
+
+/// One image a camera, `<camera>.png`, in the frame of the rig.
+std::vector<ViewImage> RigImages(const std::vector<CalibratedCamera>& cameras);
+/// The inverse: names of cameras that have one image, and the extrinsics when all have one, each
+/// with a pose (`posed`).
+void TakeRigImages(const std::vector<ViewImage>& images,
+                   bool posed,
+                   std::vector<CalibratedCamera>* cameras);
+/// The pose of a camera with its centre at `centre`.
+RigidTransform CameraAt(const Eigen::Matrix3d& R, const std::vector<double>& centre);
 
 /// Makes the frame of the first camera that of the rig: all T_camera_rig become relative to it.
 void MakeFirstMaster(std::vector<CalibratedCamera>* cameras);

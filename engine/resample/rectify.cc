@@ -17,10 +17,10 @@ namespace plenocal {
 namespace {
 
 /// The row of a measured point in the rectified view.
-std::optional<double> Row(const CalibratedCamera& view,
-                          const Eigen::Matrix3d& R_view_camera,
-                          const CalibratedCamera& camera,
-                          const Observation& observation) {
+std::optional<double> RectifiedRow(const CalibratedCamera& view,
+                                   const Eigen::Matrix3d& R_view_camera,
+                                   const CalibratedCamera& camera,
+                                   const Observation& observation) {
   const auto ray = Unproject(camera, observation.values.data());
   double u[2];
   if (!ray || !Project(view, observation.values.data(), R_view_camera * ray->direction, u)) {
@@ -85,7 +85,8 @@ EpipolarErrors MeasureEpipolarErrors(const RectifiedPair& pair,
   const auto for_each = [&](size_t c, const auto& take) {
     for (const View& view : views[c]) {
       for (const Observation& observation : view.observations) {
-        const auto row = Row(pair.views[c], pair.R_view_camera[c], *cameras[c], observation);
+        const auto row =
+            RectifiedRow(pair.views[c], pair.R_view_camera[c], *cameras[c], observation);
         if (row) take(std::pair(view.frame, observation.marker), *row);
       }
     }

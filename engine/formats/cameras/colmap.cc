@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <map>
+#include <numbers>
 
 #include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
@@ -41,19 +42,33 @@ const LensTable& ColmapLenses() {
   return kTable;
 }
 
+constexpr const char* kEquirectangular = "EQUIRECTANGULAR";
+
+/// Its parameters are the size of the image.
+std::array<double, 4> ColmapPanorama(double width, double height) {
+  return {width / (2 * std::numbers::pi),
+          height / std::numbers::pi,
+          width / 2 - kColmapPixelCentre,
+          height / 2 - kColmapPixelCentre};
+}
+
 std::string WriteColmap(const std::vector<CalibratedCamera>& cameras) {
   std::string text =
       "# Camera list with one line of data per camera:\n"
       "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
   text += fmt::format("# Number of cameras: {}\n", cameras.size());
   for (size_t i = 0; i < cameras.size(); ++i) {
-    const Lens lens = ToLens(cameras[i], ColmapLenses());
-    text += fmt::format("{} {} {} {} {}\n",
-                        i + 1,
-                        lens.name,
-                        cameras[i].image_size[0],
-                        cameras[i].image_size[1],
-                        BlankSeparated(lens.Numbers()));
+    const auto [width, height] = cameras[i].image_size;
+    std::string name = kEquirectangular;
+    std::vector<double> numbers{static_cast<double>(width), static_cast<double>(height)};
+    if (cameras[i].model->name == "spherical") {
+      CheckPanorama(cameras[i], ColmapPanorama(width, height), "colmap");
+    } else {
+      const Lens lens = ToLens(cameras[i], ColmapLenses());
+      name = lens.name;
+      numbers = lens.Numbers();
+    }
+    text += fmt::format("{} {} {} {} {}\n", i + 1, name, width, height, BlankSeparated(numbers));
   }
   return text;
 }
@@ -145,6 +160,12 @@ std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
   for (ColmapCamera& camera : ReadColmapCameras(source.path)) {
     std::string& name = camera.model;
     std::vector<double>& values = camera.params;
+    if (name == kEquirectangular) {
+      if (values.size() != 2) throw InputError("{}: expected width and height", camera.where);
+      cameras.push_back(PanoramaCamera(camera.image_size, ColmapPanorama(values[0], values[1])));
+      cameras.back().name = fmt::format("camera{}", camera.id);
+      continue;
+    }
     if (values.size() < 3) throw InputError("{}: expected at least f, cx, cy", camera.where);
     // Models with one focal length, by the name of the same model with two.
     static const std::map<std::string_view, const char*> kSimple{

@@ -7,14 +7,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
-#include <pugixml.hpp>
 
 #include "calib/base/format_error.h"
-#include "calib/io/input_file.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
+#include "engine/formats/xml_file.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -76,14 +73,11 @@ std::string WriteLifcal(const std::vector<CalibratedCamera>& cameras) {
   return text + "  <MicroLensCenterAdjustment>true</MicroLensCenterAdjustment>\n</Root>\n";
 }
 
-/// The elements of a CameraModel.xml; all members throw `Error` of kind kInput with the file.
-class ModelXml {
+/// The elements of a CameraModel.xml.
+class ModelXml : public XmlFile {
  public:
-  explicit ModelXml(const std::filesystem::path& path) : where_(path.string()) {
-    const pugi::xml_parse_result parsed =
-        document_.load_string(ReadTextFile(path, InputLimit::kDocument).c_str());
-    if (!parsed) Fail(fmt::format("not valid XML: {}", parsed.description()));
-    root_ = document_.child("Root");
+  explicit ModelXml(const std::filesystem::path& path)
+      : XmlFile(path), root_(Document().child("Root")) {
     if (!root_) Fail("expected the element <Root> of a CameraModel.xml");
   }
 
@@ -96,28 +90,13 @@ class ModelXml {
     return (child == nullptr ? node : node.child(child)).child_value();
   }
 
-  [[nodiscard]] double Number(const char* group, const char* child = nullptr) const {
-    const std::string_view text = Text(group, child);
-    double value = 0;
-    const char* const end = text.data() + text.size();
-    const auto [after, error] = std::from_chars(text.data(), end, value);
-    if (error != std::errc() || after != end || !std::isfinite(value)) {
-      Fail(fmt::format("<{}{}{}>: expected a number, found '{}'",
-                       group,
-                       child == nullptr ? "" : "><",
-                       child == nullptr ? "" : child,
-                       text));
-    }
-    return value;
-  }
-
-  [[noreturn]] void Fail(const std::string& message) const {
-    throw InputError("{}: {}", where_, message);
+  [[nodiscard]] double ReadNumber(const char* group, const char* child = nullptr) const {
+    return Number(
+        Text(group, child),
+        child == nullptr ? fmt::format("<{}>", group) : fmt::format("<{}><{}>", group, child));
   }
 
  private:
-  std::string where_;
-  pugi::xml_document document_;
   pugi::xml_node root_;
 };
 
@@ -125,7 +104,7 @@ double ReadParam(const ModelXml& xml, const Param& param) {
   const Place& place = *std::ranges::find(kPlaces, param.name, &Place::param);
   // Distortion may be left out there.
   const bool absent = param.neutral && !xml.Has(place.group, place.child);
-  const double given = absent ? 0 : xml.Number(place.group, place.child);
+  const double given = absent ? 0 : xml.ReadNumber(place.group, place.child);
   const double value =
       Inverted(given, given / place.scale, [&](double x) { return x * place.scale; });
   if (!(value > param.lower && value < param.upper)) {
@@ -135,19 +114,17 @@ double ReadParam(const ModelXml& xml, const Param& param) {
 }
 
 std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
-  constexpr double kMost = 1e6;  // no image has more pixels in a row
   const ModelXml xml(source.path);
   if (xml.Text("MicroLensCenterAdjustment") == "false") {
     xml.Fail("was calibrated without MicroLensCenterAdjustment, which is another model");
   }
   CalibratedCamera camera;
   camera.model = FindModel(CameraModels(), kModel);
-  const double width = xml.Number("ImageSize", "Width"), height = xml.Number("ImageSize", "Height");
-  if (!(width >= 1 && height >= 1 && width < kMost && height < kMost)) {
-    xml.Fail("<ImageSize>: expected numbers of pixels");
-  }
-  camera.image_size = {static_cast<int>(width), static_cast<int>(height)};
-  const double pixel_mm = xml.Number("PixelSize");
+  const auto pixels = [&](const char* side) {
+    return xml.Pixels(xml.Text("ImageSize", side), fmt::format("<ImageSize><{}>", side));
+  };
+  camera.image_size = {pixels("Width"), pixels("Height")};
+  const double pixel_mm = xml.ReadNumber("PixelSize");
   camera.config = {
       Inverted(pixel_mm, pixel_mm / kMillimetres, [](double x) { return x * kMillimetres; })};
   for (const Param& param : camera.model->params) camera.params.push_back(ReadParam(xml, param));

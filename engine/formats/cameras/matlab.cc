@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// JSON for MATLAB's jsondecode: the arguments of cameraIntrinsics, of a pair those of
-// stereoParameters. PoseCamera2 maps camera 1 to camera 2.
+// JSON for MATLAB's jsondecode: the arguments of cameraIntrinsics or fisheyeIntrinsics, of a pair
+// those of stereoParameters. PoseCamera2 maps camera 1 to camera 2.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <array>
 
@@ -19,16 +20,16 @@ namespace {
 
 /// The object's entries, each line after `indent`.
 std::string MatlabObject(const CalibratedCamera& camera, const std::string& indent) {
-  const MatlabIntrinsics m = ToMatlab(camera);
-  const auto entry = [&](const char* key, std::span<const double> values) {
-    return fmt::format("{}  \"{}\": [{}],\n", indent, key, RealList(values));
-  };
-  return "{\n" + entry("FocalLength", m.focal_length) + entry("PrincipalPoint", m.principal_point) +
-         fmt::format(
-             "{}  \"ImageSize\": [{}, {}],\n", indent, camera.image_size[1], camera.image_size[0]) +
-         entry("RadialDistortion", m.radial_distortion) +
-         entry("TangentialDistortion", m.tangential_distortion) + indent + "  \"Skew\": 0\n" +
-         indent + "}";
+  std::string entries;
+  for (const MatlabArgument& argument : ToMatlab(camera)) {
+    const std::vector<double>& v = argument.values;
+    std::string value =
+        v.size() == 1 ? fmt::format("{}", v[0]) : fmt::format("[{}]", fmt::join(v, ", "));
+    if (argument.rows == 2) value = fmt::format("[[{}, {}], [{}, {}]]", v[0], v[2], v[1], v[3]);
+    entries +=
+        fmt::format("{}{}  \"{}\": {}", entries.empty() ? "" : ",\n", indent, argument.name, value);
+  }
+  return "{\n" + entries + "\n" + indent + "}";
 }
 
 std::string WriteMatlab(const std::vector<CalibratedCamera>& cameras) {
@@ -45,23 +46,25 @@ std::string WriteMatlab(const std::vector<CalibratedCamera>& cameras) {
 }
 
 CalibratedCamera ReadMatlabObject(const YamlNode& node, const std::string& where) {
-  const auto pair = [&](const char* key) {
-    const std::vector<double> values = node.At(key).AsNumbers(2);
-    return std::array{values[0], values[1]};
+  const auto read = [&](const std::string& name, size_t least, size_t most) {
+    if (name == "Skew") return std::vector{node.Has(name) ? node.At(name).AsNumber() : 0};
+    const YamlNode values = node.At(name);
+    std::vector<double> numbers;
+    if (name == "StretchMatrix") {
+      const std::vector<YamlNode> rows = values.Elements();
+      if (rows.size() != 2) values.Fail("expected [[c, d], [e, 1]]");
+      const std::vector<double> first = rows[0].AsNumbers(2), second = rows[1].AsNumbers(2);
+      numbers = {first[0], second[0], first[1], second[1]};
+    } else {
+      numbers = values.AsNumbers(0);
+    }
+    if (numbers.size() < least || numbers.size() > most) {
+      values.Fail(least == most ? fmt::format("expected {} numbers", least)
+                                : fmt::format("expected {} to {} numbers", least, most));
+    }
+    return numbers;
   };
-  MatlabIntrinsics m{pair("FocalLength"),
-                     pair("PrincipalPoint"),
-                     pair("ImageSize"),
-                     node.At("RadialDistortion").AsNumbers(0),
-                     pair("TangentialDistortion")};
-  if (m.radial_distortion.size() < 2 || m.radial_distortion.size() > 3) {
-    node.At("RadialDistortion").Fail("expected two or three numbers");
-  }
-  if (node.Has("Skew") && node.At("Skew").AsNumber() != 0) {
-    node.At("Skew").Fail("a skewed camera matrix is not read");
-  }
-  ReadImageSize(node.At("ImageSize"));  // whole positive numbers
-  return FromMatlab(m, where);
+  return FromMatlab(read, node.Has(kMatlabFisheye), where);
 }
 
 std::vector<CalibratedCamera> ReadMatlab(const CameraSource& source) {

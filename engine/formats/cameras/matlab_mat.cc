@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// MATLAB's MAT-files, level 5, as load reads them: one variable a name of cameraIntrinsics, of a
-// pair with 1 and 2 after it, and PoseCamera2 (4 x 4, camera 1 to camera 2, as rigidtform3d takes
-// it).
+// MATLAB's MAT-files, level 5, as load reads them: one variable a name of cameraIntrinsics or
+// fisheyeIntrinsics, of a pair with 1 and 2 after it, and PoseCamera2 (4 x 4, camera 1 to camera 2,
+// as rigidtform3d takes it).
 //
 // Source: MathWorks, MAT-File Format. A header of 128 bytes, then elements of tag (type, bytes) and
 // data, padded to 8 bytes; a matrix is an element of elements: flags, dimensions, name, numbers
@@ -60,11 +60,6 @@ std::string MatrixElement(const std::string& name, const Variable& variable) {
                      Element(kDouble, numbers));
 }
 
-template <typename Values>
-Variable Row(const Values& values) {
-  return {1, static_cast<int>(values.size()), {values.begin(), values.end()}};
-}
-
 std::string WriteMat(const std::vector<CalibratedCamera>& cameras) {
   std::string bytes = "MATLAB 5.0 MAT-file, camera intrinsics by plenocal";
   bytes.resize(124, ' ');
@@ -72,13 +67,10 @@ std::string WriteMat(const std::vector<CalibratedCamera>& cameras) {
   bytes += "IM";                          // little endian
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::string number = cameras.size() == 1 ? "" : fmt::format("{}", c + 1);
-    const MatlabIntrinsics m = ToMatlab(cameras[c]);
-    bytes += MatrixElement("FocalLength" + number, Row(m.focal_length));
-    bytes += MatrixElement("PrincipalPoint" + number, Row(m.principal_point));
-    bytes += MatrixElement("ImageSize" + number, Row(m.image_size));
-    bytes += MatrixElement("RadialDistortion" + number, Row(m.radial_distortion));
-    bytes += MatrixElement("TangentialDistortion" + number, Row(m.tangential_distortion));
-    bytes += MatrixElement("Skew" + number, Row(std::array{0.0}));
+    for (const MatlabArgument& argument : ToMatlab(cameras[c])) {
+      const int columns = static_cast<int>(argument.values.size()) / argument.rows;
+      bytes += MatrixElement(argument.name + number, {argument.rows, columns, argument.values});
+    }
   }
   if (cameras.size() == 2) {
     const RigidTransform T = SecondFromFirst(cameras);
@@ -198,11 +190,6 @@ class Workspace {
     return found->second.values;
   }
 
-  [[nodiscard]] std::array<double, 2> GetPair(const std::string& name) const {
-    const std::vector<double> values = Get(name, 2, 2);
-    return {values[0], values[1]};
-  }
-
   [[noreturn]] void Fail(const std::string& message) const {
     throw InputError("{}: {}", where_, message);
   }
@@ -214,26 +201,17 @@ class Workspace {
 
 /// The camera whose variables end in `number`, which is empty for a single one.
 CalibratedCamera ReadNumbered(const Workspace& workspace, const std::string& number) {
-  constexpr double kMost = 1e6;  // no image has more rows
-  const std::array<double, 2> size = workspace.GetPair("ImageSize" + number);
-  for (const double length : size) {
-    if (length >= 1 && length < kMost && length == std::floor(length)) continue;
-    workspace.Fail(fmt::format("expected a number of pixels in ImageSize, found {}", length));
-  }
-  if (workspace.Has("Skew" + number) && workspace.Get("Skew" + number, 1, 1)[0] != 0) {
-    workspace.Fail("a skewed camera matrix is not read");
-  }
-  return FromMatlab({workspace.GetPair("FocalLength" + number),
-                     workspace.GetPair("PrincipalPoint" + number),
-                     size,
-                     workspace.Get("RadialDistortion" + number, 2, 3),
-                     workspace.GetPair("TangentialDistortion" + number)},
-                    workspace.Where());
+  const auto read = [&](const std::string& name, size_t least, size_t most) {
+    if (name == "Skew" && !workspace.Has(name + number)) return std::vector{0.0};
+    return workspace.Get(name + number, least, most);
+  };
+  return FromMatlab(read, workspace.Has(kMatlabFisheye + number), workspace.Where());
 }
 
 std::vector<CalibratedCamera> ReadMat(const CameraSource& source) {
   const Workspace workspace(source.path);
-  if (!workspace.Has("FocalLength1")) return {ReadNumbered(workspace, "")};
+  if (!workspace.Has("FocalLength1") && !workspace.Has(std::string(kMatlabFisheye) + "1"))
+    return {ReadNumbered(workspace, "")};
   std::vector<CalibratedCamera> cameras;
   for (const std::string number : {"1", "2"}) {
     cameras.push_back(ReadNumbered(workspace, number));

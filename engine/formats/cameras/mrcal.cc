@@ -16,6 +16,7 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
+#include "engine/formats/lenses/cahvor.h"
 #include "models/registry.h"
 #include "models/splined.h"
 
@@ -101,6 +102,18 @@ std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
       camera.image_size[1]);
 }
 
+/// Of fx fy cx cy alpha beta r0 r1 r2, where the angles are those of O.
+Cahvor MrcalCahvor(const std::vector<double>& p, const RigidTransform& T_camera_rig) {
+  Eigen::Matrix3d K;
+  K << p[0], 0, p[2], 0, p[1], p[3], 0, 0, 1;
+  const Eigen::Vector3d o(
+      std::sin(p[4]) * std::cos(p[5]), std::sin(p[5]), std::cos(p[4]) * std::cos(p[5]));
+  return {T_camera_rig.Inverse().t,
+          K * T_camera_rig.R,
+          T_camera_rig.R.transpose() * o,
+          {p[6], p[7], p[8]}};
+}
+
 std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   std::string text = ReadTextFile(source.path, InputLimit::kDocument);
   // A packed blob that only mrcal reads.
@@ -110,7 +123,16 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   }
   const YamlNode root = YamlNode::Parse(text, source.path.string());
   const YamlNode lens = root.At(root.Has("lensmodel") ? "lensmodel" : "lens_model");
+  const auto read_extrinsics = [&]() -> RigidTransform {
+    const std::vector<double> rt = root.At("extrinsics").AsNumbers(6);
+    return {ExpRotation({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}};
+  };
   CalibratedCamera camera;
+  if (lens.AsString() == "LENSMODEL_CAHVOR") {
+    const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(9);
+    const Cahvor cahvor = MrcalCahvor(intrinsics, read_extrinsics());
+    return {FromCahvor(cahvor, ReadImageSize(root.At("imagersize")), source.path.string())};
+  }
   if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
     camera = FromMrcalSpline(lens, root.At("intrinsics"));
     camera.image_size = ReadImageSize(root.At("imagersize"));
@@ -122,8 +144,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
                       MrcalLenses(),
                       source.path.string());
   }
-  const std::vector<double> rt = root.At("extrinsics").AsNumbers(6);
-  camera.T_camera_rig = {ExpRotation({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}};
+  camera.T_camera_rig = read_extrinsics();
   return {camera};
 }
 

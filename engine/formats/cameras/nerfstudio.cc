@@ -12,6 +12,7 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
+#include "engine/formats/pose_matrices.h"
 
 namespace plenocal {
 namespace {
@@ -58,20 +59,15 @@ std::string WriteNerfstudio(const std::vector<CalibratedCamera>& cameras) {
 
 std::string WriteViews(const CalibrationRecord& calibration, size_t index) {
   const CalibratedCamera& camera = calibration.cameras[index];
-  const bool rig = calibration.cameras.size() > 1;
   std::string frames;
-  for (size_t f = 0; f < calibration.frames.size(); ++f) {
-    const int frame = static_cast<int>(f);
-    if (rig && !camera.view_poses.contains(frame)) continue;
-    const RigidTransform pose = calibration.CameraFromTarget(index, frame).Inverse();
+  for (const ViewImage& image : ViewImages(calibration, {index})) {
+    const RigidTransform pose = image.T_camera_target.Inverse();
     Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
     matrix.topLeftCorner<3, 3>() = pose.R * Eigen::Vector3d(1, -1, -1).asDiagonal();
     matrix.topRightCorner<3, 1>() = pose.t;
     frames += fmt::format("{}\n    {{\"file_path\": {}, \"transform_matrix\": {}}}",
                           frames.empty() ? "" : ",",
-                          YamlQuoted(fmt::format("images/{}{}.png",
-                                                 rig ? camera.name + "/" : std::string(),
-                                                 calibration.frames[f].name)),
+                          YamlQuoted("images/" + image.file),
                           MatrixText(matrix));
   }
   return fmt::format("{{\n{}  \"frames\": [{}\n  ]\n}}\n", Intrinsics(camera), frames);

@@ -28,6 +28,20 @@ const LensTable& RosLenses() {
   return kTable;
 }
 
+/// With OpenCV's 12 and 14 coefficients too, which image_geometry takes and no message defines.
+const LensTable& RosLensesOfFiles() {
+  static const LensTable kTable = [] {
+    LensTable table = RosLenses();
+    for (const LensForm& form : OpenCvLenses().forms) {
+      if (form.coefficients.size() < 12) continue;
+      table.forms.push_back(form);
+      table.forms.back().name = "rational_polynomial";
+    }
+    return table;
+  }();
+  return kTable;
+}
+
 /// `R` and `P` are those of a rectified pair, or nothing and the camera's own.
 std::string RosFile(const CalibratedCamera& camera,
                     const Eigen::Matrix3d& R,
@@ -77,7 +91,7 @@ std::vector<CalibratedCamera> ReadRos(const CameraSource& source) {
                 K[5],
                 root.At("distortion_coefficients").At("data").AsNumbers(0)},
                {root.At("image_width").AsInteger(), root.At("image_height").AsInteger()},
-               RosLenses(),
+               RosLensesOfFiles(),
                source.path.string());
   if (root.Has("camera_name")) camera.name = root.At("camera_name").AsString();
   if (root.Has("rectification_matrix") && root.Has("projection_matrix")) {

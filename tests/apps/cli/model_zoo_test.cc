@@ -241,6 +241,15 @@ TEST_F(SimulatedLens, DoubleSphereFindsTheBetterOfSeveralMinima) {
   }
 }
 
+TEST_F(SimulatedLens, ScaramuzzaNeedsNoStartValue) {
+  Simulate("scaramuzza",
+           "f_x: 210, f_y: 212, c_x: 322, c_y: 243, b_2: -0.33, b_3: 0.01, b_4: -0.025",
+           25);
+  const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  ExpectTruthWithinUncertainty();
+}
+
 TEST_F(SimulatedLens, SphericalNeedsNoStartValue) {
   Simulate("spherical", "f_x: 200, f_y: 202, c_x: 319.5, c_y: 244", 20);
   const Outcome outcome = Run({"calibrate", "set/session.yaml", "-o", "out", "--no-report"});

@@ -3,10 +3,12 @@
 // `plenocal import --format colmap-model`: models of simulated tracks, as text and binary.
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -115,6 +117,39 @@ class ColmapModel : public Workspace {
     EXPECT_FALSE(fs::exists(Path("in_text")));
   }
 
+  // Of "out", whose COLMAP model is in "model".
+  void ExpectPosesOfColmapInAliceVision() const {
+    const Outcome outcome =
+        Run({"export", "out/calibration.yaml", "--format", "alicevision", "-o", "sfm"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    const YAML::Node sfm = YAML::Load(Read("sfm/cameras.sfm"));
+    std::map<std::string, size_t> places;
+    for (size_t i = 0; i < sfm["views"].size(); ++i) {
+      places[sfm["views"][i]["path"].as<std::string>()] = i;
+    }
+    size_t compared = 0;
+    for (const std::string& line : Lines(Read("model/images.txt"))) {
+      std::istringstream words(line);
+      double id = 0, w = 0, x = 0, y = 0, z = 0;
+      Eigen::Vector3d t;
+      std::string camera, name;
+      if (!(words >> id >> w >> x >> y >> z >> t[0] >> t[1] >> t[2] >> camera >> name)) continue;
+      const auto place = places.find(name);
+      if (place == places.end()) continue;  // a line of points
+      const YAML::Node pose = sfm["poses"][place->second]["pose"]["transform"];
+      Eigen::Matrix3d R;
+      Eigen::Vector3d centre;
+      for (int i = 0; i < 9; ++i) R(i % 3, i / 3) = pose["rotation"][i].as<double>();
+      for (int i = 0; i < 3; ++i) centre[i] = pose["center"][i].as<double>();
+      constexpr double kRounding = 1e-12;
+      EXPECT_LT((R - Eigen::Quaterniond(w, x, y, z).matrix()).norm(), kRounding);
+      EXPECT_LT((R * centre + t).norm(), kRounding);
+      ++compared;
+    }
+    EXPECT_EQ(compared, places.size());
+    EXPECT_GT(compared, 3U);
+  }
+
   std::vector<Image> images_;
 };
 
@@ -172,6 +207,7 @@ TEST_F(ColmapModel, OfACalibrationHoldsItsUsedPoints) {
       EXPECT_NEAR(found.at(key).second, pixel.second, 1e-9);
     }
   }
+  ExpectPosesOfColmapInAliceVision();
   const std::string report = Read("out/report.html");
   EXPECT_EQ(Run({"report", "out"}).status, kDone);
   EXPECT_EQ(Read("out/report.html"), report);

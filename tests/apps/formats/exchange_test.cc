@@ -138,6 +138,7 @@ TEST_F(Exchange, OneCameraComesBackToTheLastDigit) {
 TEST_F(Exchange, AFileComesBackAsItWas) {
   for (const auto& [format, holds_A_2] : OrdinaryFormats()) {
     SCOPED_TRACE(format);
+    if (format == "cahvor") continue;  // has all in the frame of the rig; foreign_cameras_test.cc
     const std::string file = "file." + format;
     const std::string text = Export(format, "right");
     Import(format, file);
@@ -147,6 +148,7 @@ TEST_F(Exchange, AFileComesBackAsItWas) {
       for (const std::string& line : Lines(all)) {
         const bool varies = line.find("rostopic") != std::string::npos ||
                             line.find("extrinsics") != std::string::npos ||
+                            line.find("transform") != std::string::npos ||
                             line.find("\"px\"") != std::string::npos;
         if (!varies) kept += line + "\n";
       }

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// CAHVOR, JPL's camera model: a pinhole camera A, H, V with a radial lens about another axis O.
+//
+// Source: Gennery, Generalized camera calibration including fish-eye lenses (IJCV 68, 2006); mrcal.
+// A point p, seen from C, with w = p . O and tau = |p - w O|^2 / w^2 is imaged at (H p', V p') / (A
+// p'), p' = p + (R_0 + R_1 tau + R_2 tau^2) (p - w O). In a frame with the axis z along O this is a
+// radial lens before a tilted sensor: `pinhole-radial3+tilt+skew`.
+#pragma once
+
+#include <string>
+
+#include "calib/files/calibration_record.h"
+
+namespace plenocal {
+
+/// In the frame of the rig.
+struct Cahvor {
+  Eigen::Vector3d C{0, 0, 0};
+  Eigen::Matrix3d HVA = Eigen::Matrix3d::Identity();  ///< rows; (0, 0) is the first pixel's centre
+  Eigen::Vector3d O{0, 0, 1}, R{0, 0, 0};
+};
+
+/// Throws `Error` of kind kInput, `where` before the message.
+CalibratedCamera FromCahvor(const Cahvor& cahvor, ImageSize image_size, const std::string& where);
+
+/// With H and V that are orthogonal but for A. Throws `Error` of kind kJob for another model, and
+/// where there is none.
+Cahvor ToCahvor(const CalibratedCamera& camera);
+
+}  // namespace plenocal
