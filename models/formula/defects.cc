@@ -3,9 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 namespace plenocal::formula {
@@ -47,6 +49,38 @@ std::vector<double> GenericParams(std::span<const Param> params, std::span<const
     k[i] = k[i] + step < params[i].upper ? k[i] + step : (k[i] + params[i].upper) / 2;
   }
   return k;
+}
+
+// Names of parameters whose effects together replace each other at all points of a block with
+// derivatives, those of f_x, f_y, c_x, c_y included; empty when there are none.
+std::vector<std::string> NamesOfOneEffect(const LensBlock& block, std::span<const Param> params) {
+  constexpr double kRounding = 1e-13, kMatters = 1e-3;
+  std::vector<std::string> names{"f_x", "f_y", "c_x", "c_y"};
+  for (const Param& param : params) names.emplace_back(param.name);
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(2 * kBlock, std::ssize(names));
+  for (size_t i = 0; i < kBlock; ++i) {
+    if (!block.inside[i]) continue;
+    const auto at = static_cast<Eigen::Index>(2 * i);
+    for (Eigen::Index row = 0; row < 2; ++row) {
+      const auto of = static_cast<size_t>(row);
+      J(at + row, row) = block.m[of * kBlock + i];
+      J(at + row, 2 + row) = 1;
+      for (size_t j = 0; j < params.size(); ++j) {
+        J(at + row, static_cast<Eigen::Index>(4 + j)) =
+            block.by_k[(of * params.size() + j) * kBlock + i];
+      }
+    }
+  }
+  J.colwise().normalize();
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J, Eigen::ComputeThinV);
+  std::vector<std::string> same;
+  if (!(svd.singularValues().tail<1>()[0] < kRounding * svd.singularValues()[0])) return same;
+  for (size_t k = 0; k < names.size(); ++k) {
+    if (std::abs(svd.matrixV()(static_cast<Eigen::Index>(k), J.cols() - 1)) > kMatters) {
+      same.push_back(names[k]);
+    }
+  }
+  return same;
 }
 
 }  // namespace
@@ -137,6 +171,11 @@ std::string DefectAround(const LensFormula& lens,
       has_effect = has_effect || (block.inside[i] && change > 0);
     }
     if (!has_effect) return fmt::format("parameter '{}' has no effect; remove it", params[j].name);
+  }
+  const std::vector<std::string> same = NamesOfOneEffect(block, params);
+  if (!same.empty()) {
+    return fmt::format("changes of '{}' replace each other in all images; remove one of them",
+                       fmt::join(same, "', '"));
   }
   return "";
 }

@@ -206,6 +206,13 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"EffectThatCancels",
                 "params: {k_1: {}}\nradius: theta*(1 + k_1 - k_1)\n",
                 {"'k_1' has no effect"}},
+        Mistake{"SameEffect",
+                "params: {a: {}, k_1: {}, b: {}}\nradius: theta*(1 + a*b*theta^2 + k_1*theta^4)\n"
+                "example: [200, 200, 320, 240, 0.1, 0.01, 0.2]\n",
+                {"changes of 'a', 'b' replace each other"}},
+        Mistake{"EffectOfTheFocalLength",
+                "params: {g: {start: 1}}\nradius: g*theta\nexample: [200, 200, 320, 240, 1]\n",
+                {"changes of 'f_x', 'f_y', 'g' replace each other"}},
         Mistake{"DomainWithoutAxis",
                 "map: [X/Z, Y/Z]\ndomain: [Z < 0]\n",
                 {"domain", "axis at the example"}},
