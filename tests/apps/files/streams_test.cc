@@ -98,8 +98,8 @@ TEST_F(Streams, ThatAreFilesHaveALineOfProgressNowAndThen) {
   const std::string log = Path("log").string();
   constexpr size_t kLines = 3;  // two of messages, one of progress
   const auto has_line = [&] { return fs::exists(log) && Lines(Read("log")).size() >= kLines; };
-  const Outcome outcome =
-      Run({"try", "session.yaml", "-o", "slow"}, {.stderr_path = log, .interrupt_when = has_line});
+  const Outcome outcome = Run({"try", "session.yaml", "-o", "slow", "--threads", "1"},
+                              {.stderr_path = log, .interrupt_when = has_line});
   EXPECT_EQ(outcome.status, kInterrupted);
   EXPECT_THAT(Lines(Read("log")).at(kLines - 1), HasSubstr("model "));
   EXPECT_THAT(Read("log"), Not(HasSubstr("\r")));
