@@ -17,10 +17,10 @@ struct Anamorphic {
 
   template <typename T>
   static bool Map(const T* c, const T* m, T* mapped) {
-    const T g = 1 + c[0] * m[1] * m[1];
+    const T g = 1.0 + c[0] * m[1] * m[1];
     mapped[0] = m[0] * g;
     mapped[1] = m[1];
-    return g > 0;
+    return ValueOf(g) > 0;
   }
 
   static std::optional<Eigen::Vector2d> Unmap(const double* c, const Eigen::Vector2d& mapped) {
