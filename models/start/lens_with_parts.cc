@@ -171,11 +171,10 @@ const LensPart& PartNamed(std::string_view part, std::string_view model) {
   if (found != parts.end()) return *found;
   std::vector<std::string_view> names;
   for (const LensPart& each : parts) names.push_back(each.name);
-  throw InputError("camera model '{}': there is no part '{}'{}; there are {}",
+  throw InputError("camera model '{}': there is no part '{}'{}",
                    model,
                    part,
-                   SuggestName(std::string(part), names),
-                   fmt::join(names, ", "));
+                   SuggestName(std::string(part), names));
 }
 
 std::shared_ptr<Combination> Combine(const CameraModel& lens, std::string_view name) {
