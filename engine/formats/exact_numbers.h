@@ -19,4 +19,7 @@ std::string RealList(std::span<const double> values);
 /// an offset by the inverse operation loses the last digit. `guess` when there is none.
 double Inverted(double value, double guess, const std::function<double(double)>& forward);
 
+/// The offset that gives `c` back when it is added to the middle of an image of this length, px.
+double OffsetFromMiddle(double c, int length);
+
 }  // namespace plenocal

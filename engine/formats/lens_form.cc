@@ -266,8 +266,8 @@ void RequireOneFocalLength(const CalibratedCamera& camera,
   const double most = 0.25 * std::max(camera.image_size[0] * std::abs(1 - lens.f_y / lens.f_x),
                                       camera.image_size[1] * std::abs(1 - lens.f_x / lens.f_y));
   throw JobError(
-      "camera '{}': {} has one focal length, this camera has f_x = {} and f_y = {}; with their mean "
-      "in a copy of calibration.yaml points move by up to {:.2g} px",
+      "camera '{}': {} has one focal length, this camera has f_x = {} and f_y = {}; write their mean "
+      "into a copy of calibration.yaml and export that: points move by up to {:.2g} px",
       camera.name,
       tool,
       lens.f_x,

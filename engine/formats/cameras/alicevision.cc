@@ -74,9 +74,6 @@ std::string AliceIntrinsic(const CalibratedCamera& camera, size_t id) {
       lens.f_x, lens.f_x * kSensorWidth / w, [&](double x) { return x / kSensorWidth * w; });
   const double ratio =
       Inverted(lens.f_y, lens.f_y / lens.f_x, [&](double x) { return lens.f_x / (1 / x); });
-  const auto offset = [](double c, int length) {
-    return Inverted(c, c - length / 2.0, [&](double x) { return length / 2.0 + x; });
-  };
   std::string circle;
   if (lens.name == "equidistant") {
     RequireOneFocalLength(camera, lens, "alicevision's equidistant camera");
@@ -102,7 +99,7 @@ std::string AliceIntrinsic(const CalibratedCamera& camera, size_t id) {
       RealText(focal),
       RealText(focal),
       RealText(ratio),
-      TextList(std::array{offset(lens.c_x, w), offset(lens.c_y, h)}),
+      TextList(std::array{OffsetFromMiddle(lens.c_x, w), OffsetFromMiddle(lens.c_y, h)}),
       TextList(lens.coefficients),
       circle);
 }

@@ -67,17 +67,14 @@ std::string WriteMetashape(const std::vector<CalibratedCamera>& cameras) {
   const auto add = [&](const char* element, double value) {
     numbers += fmt::format("  <{0}>{1}</{0}>\n", element, RealText(value));
   };
-  const auto offset = [](double c, int length) {
-    return Inverted(c, c - length / 2.0, [&](double x) { return length / 2.0 + x; });
-  };
   if (camera.model->name == "spherical") {
     CheckPanorama(camera, MetashapePanorama(camera.image_size), "metashape");
     add("f", lens.f_y);
   } else {
     lens = ToLens(camera, MetashapeLenses());
     add("f", lens.f_y);
-    add("cx", offset(lens.c_x, camera.image_size[0]));
-    add("cy", offset(lens.c_y, camera.image_size[1]));
+    add("cx", OffsetFromMiddle(lens.c_x, camera.image_size[0]));
+    add("cy", OffsetFromMiddle(lens.c_y, camera.image_size[1]));
     add("b1", Inverted(lens.f_x, lens.f_x - lens.f_y, [&](double x) { return lens.f_y + x; }));
     double& skew = lens.coefficients.back();
     skew = Inverted(skew, skew * lens.f_x, [&](double x) { return x / lens.f_x; });
