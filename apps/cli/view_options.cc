@@ -23,6 +23,16 @@ void AddViewOptions(CLI::App* app, ViewOptions* view) {
          "0: largest view of which every pixel has a source, 1: all that the camera sees (default: the camera's scale on the optical axis)")
       ->check(CLI::Range(0.0, 1.0))
       ->excludes(fov);
+  AddDistance(app, &view->distance);
+}
+
+void AddDistance(CLI::App* app, std::optional<double>* distance) {
+  app->add_option(
+         "--distance",
+         *distance,
+         "of a camera without a single centre (pupil): distance, m or inf, at which the result is "
+         "exact (default: the target's)")
+      ->check(CLI::PositiveNumber);
 }
 
 void AddResampleOptions(CLI::App* app, ResampleSettings* resample) {

@@ -31,6 +31,8 @@ struct Family {
   const char* advice = nullptr;     // in place of a model
   /// Fields, 2 n x q in units of f: rows x, y of each point.
   std::function<Eigen::MatrixXd(const Plane& m)> fields = nullptr;
+  /// In its place fields of the points in space, in units of the noise.
+  Eigen::MatrixXd (*in_space)(const Bundle& bundle, size_t camera, const ViewRows& view) = nullptr;
 };
 
 // One column each of functions of (x, y), for x and for y.
@@ -41,6 +43,70 @@ Eigen::MatrixXd FieldsOf(const Plane& m, Eigen::Index count, const Function& fun
     for (Eigen::Index k = 0; k < count; ++k) {
       fields.block<2, 1>(2 * i, k) = function(m(i, 0), m(i, 1), k);
     }
+  }
+  return fields;
+}
+
+// Bend of a flat target: displacements along its normal by x^2, x y, y^2. Of refined markers, and
+// of targets that are not flat, none.
+Eigen::MatrixXd BoardFields(const Bundle& bundle, size_t /*camera*/, const ViewRows& view) {
+  Eigen::Matrix3Xd X(3, std::ssize(bundle.markers));
+  for (Eigen::Index m = 0; m < X.cols(); ++m) {
+    X.col(m) = bundle.markers[static_cast<size_t>(m)].nominal;
+  }
+  const Eigen::Vector3d middle = X.rowwise().mean();
+  const Eigen::Matrix3Xd about = X.colwise() - middle;
+  const SymmetricEigen3 axes = DecomposeSymmetric(Eigen::Matrix3d(about * about.transpose()));
+  if (!bundle.marker_freedom.IsHeld() || !(axes.values[0] < 1e-6 * axes.values[1])) return {};
+  const Eigen::Vector3d normal = axes.vectors.col(0);
+  const Eigen::Matrix<double, 2, 3> along = axes.vectors.rightCols<2>().transpose();
+  Eigen::MatrixXd fields(view.residual.size(), 3);
+  for (size_t i = 0; i < view.markers.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    const Eigen::Vector2d x = along * about.col(view.markers[i]);
+    fields.middleRows<2>(row) = view.marker.middleRows<2>(row) * normal *
+                                Eigen::RowVector3d(x.x() * x.x(), x.x() * x.y(), x.y() * x.y());
+  }
+  return fields;
+}
+
+// Derivatives of a point's place by the camera's parameters and by the point in the camera's frame.
+struct PointRows {
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> by_params;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+  Eigen::Vector3d p;
+};
+
+PointRows RowsOfPoint(const Bundle& bundle, size_t camera, const ViewRows& view, size_t i) {
+  const BundleCamera& of = bundle.cameras[camera];
+  const RigidTransform T =
+      of.T_camera_rig * bundle.SeenPose(static_cast<size_t>(view.frame), camera);
+  PointRows rows{.by_params = {2, std::ssize(of.params)},
+                 .by_point = {},
+                 .p = T * bundle.markers[static_cast<size_t>(view.markers[i])].position};
+  Eigen::Vector2d u;
+  const auto row = static_cast<Eigen::Index>(i);
+  const std::array<double, kMaxObservationSize> values{view.position(row, 0),
+                                                       view.position(row, 1)};
+  of.model->ProjectWithJacobian(
+      of.params.data(),
+      of.config.data(),
+      values.data(),
+      rows.p,
+      {.predicted = u.data(), .J_params = rows.by_params.data(), .J_point = rows.by_point.data()});
+  return rows;
+}
+
+// A pupil that moves with the angle: models/parts/pupil.h, e_0 and e_1.
+Eigen::MatrixXd PupilFields(const Bundle& bundle, size_t camera, const ViewRows& view) {
+  Eigen::MatrixXd fields(view.residual.size(), 2);
+  for (size_t i = 0; i < view.markers.size(); ++i) {
+    const PointRows rows = RowsOfPoint(bundle, camera, view, i);
+    const double r = rows.p.head<2>().norm(), theta = std::atan2(r, rows.p.z());
+    const double shift = r > 0 ? theta / std::sin(theta) - 1 : 0;
+    const auto row = static_cast<Eigen::Index>(i);
+    fields.middleRows<2>(2 * row) =
+        rows.by_point.col(2) * Eigen::RowVector2d(shift, shift * theta * theta) / view.noise[row];
   }
   return fields;
 }
@@ -95,12 +161,19 @@ std::vector<Family> Families() {
           {"prism", "a thin prism", {"+prism", "pinhole-radtan12", "splined"}, nullptr, prism},
           {"tilt", "a tilted sensor", {"+tilt", "splined"}, nullptr, tilt},
           {"skew", "skewed axes", {"+skew", "splined"}, nullptr, skew},
+          {"pupil",
+           "rays without a common origin: a pupil that moves with the angle",
+           {"+pupil"},
+           nullptr,
+           nullptr,
+           &PupilFields},
           {"local", "local distortion", {"splined"}, nullptr, local},
           {"board",
            "a bent target, which is not the lens",
            {},
            "set refine_target, or use a flat target",
-           nullptr}};
+           nullptr,
+           &BoardFields}};
 }
 
 // Of "+part" the camera's model with the part, else the model of that name; of which there is
@@ -124,29 +197,6 @@ std::string ModelToTry(const CameraModel& model, const std::vector<const char*>&
     }
   }
   return "";
-}
-
-// Bend of a flat target: displacements along its normal by x^2, x y, y^2. Of refined markers, and
-// of targets that are not flat, none.
-Eigen::MatrixXd BoardFields(const Bundle& bundle, const ViewRows& view) {
-  Eigen::Matrix3Xd X(3, std::ssize(bundle.markers));
-  for (Eigen::Index m = 0; m < X.cols(); ++m) {
-    X.col(m) = bundle.markers[static_cast<size_t>(m)].nominal;
-  }
-  const Eigen::Vector3d middle = X.rowwise().mean();
-  const Eigen::Matrix3Xd about = X.colwise() - middle;
-  const SymmetricEigen3 axes = DecomposeSymmetric(Eigen::Matrix3d(about * about.transpose()));
-  if (!bundle.marker_freedom.IsHeld() || !(axes.values[0] < 1e-6 * axes.values[1])) return {};
-  const Eigen::Vector3d normal = axes.vectors.col(0);
-  const Eigen::Matrix<double, 2, 3> along = axes.vectors.rightCols<2>().transpose();
-  Eigen::MatrixXd fields(view.residual.size(), 3);
-  for (size_t i = 0; i < view.markers.size(); ++i) {
-    const auto row = static_cast<Eigen::Index>(2 * i);
-    const Eigen::Vector2d x = along * about.col(view.markers[i]);
-    fields.middleRows<2>(row) = view.marker.middleRows<2>(row) * normal *
-                                Eigen::RowVector3d(x.x() * x.x(), x.x() * x.y(), x.y() * x.y());
-  }
-  return fields;
 }
 
 // Inverse of the products of columns of length 1, less directions in which it is rounding alone.
@@ -181,7 +231,10 @@ struct Score {
 class Search {
  public:
   Search(const Calibration& calibration, size_t camera)
-      : bundle_(calibration.bundle), camera_(bundle_.cameras[camera]), families_(Families()) {
+      : bundle_(calibration.bundle),
+        index_(camera),
+        camera_(bundle_.cameras[camera]),
+        families_(Families()) {
     const std::vector<ViewRows> views = RowsOfViews(bundle_, camera);
     if (views.size() < kFewestViews || camera_.model->plenoptic) return;
     for (const ViewRows& view : views) Add(view);
@@ -240,8 +293,8 @@ class Search {
     m /= far.cwiseQuotient(f.transpose()).norm();
     std::vector<Eigen::MatrixXd> parts{ByParams(view)};
     for (const Family& family : families_) {
-      if (family.fields == nullptr) {
-        parts.push_back(BoardFields(bundle_, view));
+      if (family.in_space != nullptr) {
+        parts.push_back(family.in_space(bundle_, index_, view));
         continue;
       }
       parts.push_back(family.fields(m));
@@ -278,24 +331,11 @@ class Search {
     for (Eigen::Index k = 0; k < count; ++k) {
       if (!camera_.fixed[static_cast<size_t>(k)]) free.push_back(k);
     }
-    const auto c = static_cast<size_t>(&camera_ - bundle_.cameras.data());
-    const RigidTransform T =
-        camera_.T_camera_rig * bundle_.SeenPose(static_cast<size_t>(view.frame), c);
     Eigen::MatrixXd by(view.residual.size(), std::ssize(free));
-    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J(2, count);
     for (size_t i = 0; i < view.markers.size(); ++i) {
       const auto row = static_cast<Eigen::Index>(i);
-      Eigen::Vector2d u;
-      std::array<double, 6> by_point{};
-      const std::array<double, kMaxObservationSize> values{view.position(row, 0),
-                                                           view.position(row, 1)};
-      camera_.model->ProjectWithJacobian(
-          camera_.params.data(),
-          camera_.config.data(),
-          values.data(),
-          T * bundle_.markers[static_cast<size_t>(view.markers[i])].position,
-          {.predicted = u.data(), .J_params = J.data(), .J_point = by_point.data()});
-      by.middleRows<2>(2 * row) = J(Eigen::all, free) / view.noise[row];
+      by.middleRows<2>(2 * row) =
+          RowsOfPoint(bundle_, index_, view, i).by_params(Eigen::all, free) / view.noise[row];
     }
     return by;
   }
@@ -388,6 +428,7 @@ class Search {
   }
 
   const Bundle& bundle_;
+  size_t index_;
   const BundleCamera& camera_;
   std::vector<Family> families_;
   std::vector<Columns> of_family_;

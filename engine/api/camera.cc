@@ -16,7 +16,7 @@ Camera::Camera(std::shared_ptr<const Data> data) : data_(std::move(data)) {}
 std::vector<Camera> Camera::Read(const std::string& calibration_yaml) {
   std::vector<Camera> cameras;
   for (CalibratedCamera& camera : OpenCalibration(calibration_yaml).cameras) {
-    if (!camera.model->IsCentral()) continue;
+    if (camera.model->plenoptic) continue;
     cameras.push_back(Camera(std::make_shared<const Data>(Data{std::move(camera)})));
   }
   return cameras;

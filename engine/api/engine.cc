@@ -86,7 +86,7 @@ Calibration CalibrationOf(Calibration::Data data) {
   const CalibrationRecord& record = data.record;
   Calibration calibration;
   for (const CalibratedCamera& camera : record.cameras) {
-    if (!camera.model->IsCentral()) continue;
+    if (camera.model->plenoptic) continue;
     calibration.cameras.emplace_back(std::make_shared<const Camera::Data>(Camera::Data{camera}));
   }
   if (record.verdict) {
@@ -148,7 +148,7 @@ std::vector<Source> DetectSession(const Session& session, const Run& run) {
   const DetectedSession found = plenocal::DetectSession(session.data().session, {}, run);
   std::vector<Source> sources;
   for (const CameraInput& camera : found.observations.cameras) {
-    if (!camera.model->IsCentral()) continue;
+    if (camera.model->plenoptic) continue;
     Source& source =
         sources.emplace_back(Source{.name = camera.name, .model = std::string(camera.model->name)});
     for (const View& view : camera.views) source.points.push_back(PointsOf(view));

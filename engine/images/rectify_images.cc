@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "assess/central_view.h"
 #include "calib/base/format_error.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
@@ -95,6 +96,19 @@ StereoImages FindImages(const RectifyRequest& request, const Cameras& cameras) {
   return {FindImageInputs({request.left}, "images"), FindImageInputs({request.right}, "images")};
 }
 
+/// Reports at which distance a camera without a single centre is exact. Rows that differ by more
+/// with the distance are no rectified pair, unless the user has chosen one.
+void RequireOneView(const CentralView& view, const RectifyRequest& request, const Run& run) {
+  constexpr double kMost = 1;  // px
+  view.Report(run);
+  if (request.view.distance || !(view.LargestError() > kMost)) return;
+  throw JobError(
+      "camera '{}': rays without a common origin move its pixels by up to {:.2g} px between half "
+      "and twice the target's distance; choose by --distance where the pair has to be exact",
+      view.camera().name,
+      view.LargestError());
+}
+
 /// Images that belong together, with messages about those that do not.
 StereoImages KeepPairs(StereoImages images, const Run& run) {
   StereoPairs pairs = PairImages(std::move(images));
@@ -170,7 +184,11 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
                               const Run& run) {
   const RunScope inputs;
   UseAsInput(calibration.path);
-  const Cameras cameras = ChooseCameras(calibration, request.cameras);
+  const Cameras chosen = ChooseCameras(calibration, request.cameras);
+  const CentralView first(calibration, *chosen[0], request.view.distance),
+      second(calibration, *chosen[1], request.view.distance);
+  for (const CentralView* view : {&first, &second}) RequireOneView(*view, request, run);
+  const Cameras cameras{&first.camera(), &second.camera()};
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   const StereoImages images = KeepPairs(FindImages(request, cameras), run);
   if (request.preview && images[0].empty()) {
@@ -203,9 +221,10 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
     }
   }
   out.Write("calibration.yaml",
-            GivenCamerasYaml(made.pair.views,
-                             {{"plenocal_version", PLENOCAL_VERSION},
-                              {"rectified_from", calibration.path.string()}}));
+            GivenCamerasYaml(
+                made.pair.views,
+                second.StatedIn(first.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
+                                                {"rectified_from", calibration.path.string()}}))));
   out.Write("rectification.yaml", RectificationText(made.pair));
   WritePreviews(images, encoded, &out);
   out.Commit();

@@ -6,6 +6,7 @@
 #include <array>
 #include <optional>
 
+#include "assess/central_view.h"
 #include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
@@ -31,14 +32,17 @@ UndistortedImages Finish(const UndistortJob& job,
                          const CalibratedCamera& view,
                          const PixelMap& map,
                          size_t count,
+                         const Provenance& provenance,
                          OutputFolder* out) {
   if (job.request.settings.mask) out->Write("mask.png", MapFiles(map, {}, "").at("mask.png"));
-  out->Write("calibration.yaml",
-             GivenCamerasYaml(std::array{view},
-                              {{"plenocal_version", PLENOCAL_VERSION},
-                               {"undistorted_from", job.calibration.path.string()}}));
+  out->Write("calibration.yaml", GivenCamerasYaml(std::array{view}, provenance));
   out->Commit();
   return {view, count};
+}
+
+Provenance ProvenanceOf(const UndistortJob& job) {
+  return {{"plenocal_version", PLENOCAL_VERSION},
+          {"undistorted_from", job.calibration.path.string()}};
 }
 
 UndistortedImages UndistortOrdinary(const UndistortJob& job) {
@@ -46,16 +50,19 @@ UndistortedImages UndistortOrdinary(const UndistortJob& job) {
     throw InputError("--cloud: camera '{}' has no depth; only a plenoptic camera has",
                      job.camera.name);
   }
-  const CalibratedCamera view = UndistortedView(job.camera, job.request.view);
+  const CentralView central(job.calibration, job.camera, job.request.view.distance);
+  central.Report(job.run);
+  const CalibratedCamera view = UndistortedView(central.camera(), job.request.view);
   OutputFolder out(job.request.out);
   out.RefuseInputs({"calibration.yaml"});
-  const PixelMap map = MapPixels(view, job.camera, Eigen::Matrix3d::Identity(), job.run.threads);
+  const PixelMap map =
+      MapPixels(view, central.camera(), Eigen::Matrix3d::Identity(), job.run.threads);
   const size_t count =
       ResampleToFolder(job.images,
                        {job.calibration, job.camera, map, job.request.settings, /*prefix=*/""},
                        job.run,
                        &out);
-  return Finish(job, view, map, count, &out);
+  return Finish(job, view, map, count, central.StatedIn(ProvenanceOf(job)), &out);
 }
 
 constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `plenocal focus`
@@ -152,7 +159,7 @@ UndistortedImages UndistortPlenoptic(const UndistortJob& job) {
   };
   const size_t count = MakeVirtualViews(views);
   if (cloud_out) cloud_out->Commit();
-  return Finish(job, view, map, count, &out);
+  return Finish(job, view, map, count, ProvenanceOf(job), &out);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "calib/base/format_error.h"
 #include "calib/base/number_limits.h"
 #include "calib/camera/rays.h"
+#include "engine/resample/pixel_map.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -143,13 +144,7 @@ Intrinsics Choose(std::span<const SeenImage> images, ImageSize size, const ViewO
 }  // namespace
 
 SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera) {
-  if (!camera.model->IsCentral()) {
-    throw InputError(
-        "camera '{}': {} is no model of an ordinary camera, so that no map of "
-        "pixels undistorts its images",
-        camera.name,
-        camera.model->name);
-  }
+  RequireCentral(camera);
   SeenImage image{.name = camera.name,
                   .size = camera.image_size,
                   .direction = {},

@@ -21,6 +21,8 @@ struct ViewOptions {
   /// the cameras' whole images; values between interpolate. As alpha of
   /// cv::getOptimalNewCameraMatrix and balance of cv::fisheye, but with square pixels.
   std::optional<double> balance;
+  /// For cameras without a single centre: `CentralView`.
+  std::optional<double> distance = std::nullopt;
 };
 
 /// The image of a camera and the directions of its pixels.

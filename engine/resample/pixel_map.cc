@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/resample/pixel_map.h"
 
+#include "calib/base/format_error.h"
 #include "calib/base/parallel.h"
 #include "calib/camera/rays.h"
 
@@ -37,10 +38,19 @@ PixelMap MapPixels(const CalibratedCamera& view,
   return map;
 }
 
+void RequireCentral(const CalibratedCamera& camera) {
+  if (camera.model->IsCentral()) return;
+  throw InputError(
+      "camera '{}': {} has no single centre, so that no map of pixels undistorts its images",
+      camera.name,
+      camera.model->name);
+}
+
 PixelMap MapPixels(const CalibratedCamera& view,
                    const CalibratedCamera& camera,
                    const Eigen::Matrix3d& R_camera_view,
                    int threads) {
+  RequireCentral(camera);
   const auto place = [&](const Eigen::Vector3d& direction) -> std::optional<Eigen::Vector2d> {
     const double values[kMaxObservationSize] = {};
     Eigen::Vector2d u;

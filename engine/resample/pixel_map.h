@@ -36,7 +36,10 @@ PixelMap MapPixels(const CalibratedCamera& view,
                    const ImagePlace& place,
                    int threads);
 
-/// The map to the image of `camera`, central and at the position of the view; R_camera_view rotates
+/// Throws `Error` of kind kInput for a camera that is not central.
+void RequireCentral(const CalibratedCamera& camera);
+
+/// The map to the image of `camera`, central (`RequireCentral`) and at the position of the view; R_camera_view rotates
 /// directions of the view's frame into the camera's.
 PixelMap MapPixels(const CalibratedCamera& view,
                    const CalibratedCamera& camera,

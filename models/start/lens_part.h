@@ -9,7 +9,10 @@
 //   static constexpr std::array<double, n> kExample;
 //   template <typename T> static bool Map(const T* a, const T* m, T* mapped);
 //   static std::optional<Eigen::Vector2d> Unmap(const double* a, const Eigen::Vector2d& mapped);
-// `Map` is false outside the domain.
+// `Map` is false outside the domain. In place of both, a part that moves the rays' origins along
+// the optical axis has (models/start/axis_point.h)
+//   static constexpr double kLargestAngle;   rad from the axis, where it ends
+//   template <typename T> static T AxisHeight(const T* a, const T& theta);
 #pragma once
 
 #include <array>
@@ -33,6 +36,10 @@ struct LensPart {
   /// `map` with derivatives by m_x, m_y and the parameters: 2 x (2 + n), by rows.
   bool (*map_with_jacobian)(const double* a, const double* m, double* mapped, double* J) = nullptr;
   std::optional<Eigen::Vector2d> (*unmap)(const double* a, const Eigen::Vector2d& mapped) = nullptr;
+  /// Of a part that moves the rays' origins, which has no `map`: z_p sin(theta) of the ray at the
+  /// angle theta, m, with derivatives by theta and the parameters.
+  double (*axis_height)(const double* a, double theta, double* by_theta, double* by_a) = nullptr;
+  double largest_angle = 0;  ///< of `axis_height`, rad
 };
 
 namespace internal {
@@ -57,19 +64,36 @@ template <typename P>
   return true;
 }
 
+template <typename P>
+double DifferentiateHeight(const double* a, double theta, double* by_theta, double* by_a) {
+  constexpr int n = static_cast<int>(P::kParams.size());
+  using Jet = ceres::Jet<double, n + 1>;
+  std::array<Jet, n> a_jet;
+  for (int i = 0; i < n; ++i) a_jet[static_cast<size_t>(i)] = Jet(a[i], 1 + i);
+  const Jet height = P::AxisHeight(a_jet.data(), Jet(theta, 0));
+  *by_theta = height.v[0];
+  for (int i = 0; i < n; ++i) by_a[i] = height.v[1 + i];
+  return height.a;
+}
+
 }  // namespace internal
 
 template <typename P>
 constexpr LensPart MakeLensPart() {
   static_assert(P::kParams.size() <= kMostPartParams && P::kParams.size() == P::kExample.size());
-  return {
-      .name = P::kName,
-      .source = P::kSource,
-      .params = P::kParams,
-      .example = P::kExample,
-      .map = [](const double* a, const double* m, double* mapped) { return P::Map(a, m, mapped); },
-      .map_with_jacobian = &internal::DifferentiatePart<P>,
-      .unmap = [](const double* a, const Eigen::Vector2d& mapped) { return P::Unmap(a, mapped); }};
+  LensPart part{
+      .name = P::kName, .source = P::kSource, .params = P::kParams, .example = P::kExample};
+  if constexpr (requires { P::kLargestAngle; }) {
+    part.axis_height = &internal::DifferentiateHeight<P>;
+    part.largest_angle = P::kLargestAngle;
+  } else {
+    part.map = [](const double* a, const double* m, double* mapped) {
+      return P::Map(a, m, mapped);
+    };
+    part.map_with_jacobian = &internal::DifferentiatePart<P>;
+    part.unmap = [](const double* a, const Eigen::Vector2d& mapped) { return P::Unmap(a, mapped); };
+  }
+  return part;
 }
 
 }  // namespace plenocal

@@ -15,36 +15,47 @@
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
 #include "models/registry.h"
+#include "models/start/axis_point.h"
 #include "models/start/central_model.h"
 
 namespace plenocal {
 namespace {
 
 constexpr std::array<std::string_view, 4> kIntrinsics{"f_x", "f_y", "c_x", "c_y"};
-constexpr size_t kMostParams = 64;
+constexpr int kMostColumns = 64;
 
 // The data of a model, and all that its table refers to.
 struct Combination {
   std::string name, source;
   CameraModel lens;
-  std::vector<const LensPart*> parts;
+  const LensPart* axial = nullptr;     // the part that moves the rays' origins, if any
+  std::vector<const LensPart*> parts;  // the others
   std::vector<Param> params;
   std::vector<double> example;
+
+  [[nodiscard]] size_t AxialCount() const { return axial == nullptr ? 0 : axial->params.size(); }
+  // Parameters on which a point depends.
+  [[nodiscard]] Eigen::Index LensColumns() const {
+    return static_cast<Eigen::Index>(lens.support_size > 0 ? lens.support_size
+                                                           : lens.params.size());
+  }
+  [[nodiscard]] Eigen::Index Columns() const {
+    return LensColumns() + static_cast<Eigen::Index>(params.size() - lens.params.size());
+  }
 };
 
 const Combination& Of(const CameraModel& model) {
   return *static_cast<const Combination*>(model.self);
 }
 
-// The lens' parameters for f_x = f_y = 1, c_x = c_y = 0: its image is m.
-struct LensParams {
-  LensParams(const Combination& of, const double* params) {
-    numbers[0] = numbers[1] = 1;
-    numbers[2] = numbers[3] = 0;
-    std::copy(params + 4, params + of.lens.params.size(), numbers.begin() + 4);
-  }
-  std::array<double, kMostParams> numbers;  // those of the lens are set
-};
+// The point as the lens has to image it, by the parameters of the part for it.
+std::optional<ShiftedPoint> AtLens(const Combination& of,
+                                   const double* a,
+                                   const Eigen::Vector3d& p,
+                                   double h) {
+  if (of.axial != nullptr) return ShiftToLens(*of.axial, a, p, h);
+  return ShiftedPoint{.p = p, .z_by_p = Eigen::RowVector3d::UnitZ()};
+}
 
 bool Project(const CameraModel& model,
              const double* params,
@@ -54,10 +65,12 @@ bool Project(const CameraModel& model,
              double h,
              double* predicted) {
   const Combination& of = Of(model);
-  Eigen::Vector2d m, next;
-  const LensParams lens(of, params);
-  if (!of.lens.Project(lens.numbers.data(), config, values, p, m.data(), h)) return false;
   const double* a = params + of.lens.params.size();
+  const std::optional<ShiftedPoint> at_lens = AtLens(of, a, p, h);
+  Eigen::Vector2d u, m, next;
+  if (!at_lens || !of.lens.Project(params, config, values, at_lens->p, u.data())) return false;
+  for (int r = 0; r < 2; ++r) m[r] = (u[r] - params[2 + r]) / params[r];
+  a += of.AxialCount();
   for (const LensPart* part : of.parts) {
     if (!part->map(a, m.data(), next.data())) return false;
     m = next;
@@ -67,6 +80,109 @@ bool Project(const CameraModel& model,
   return std::isfinite(predicted[0]) && std::isfinite(predicted[1]);
 }
 
+using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, kMostColumns>;
+
+// m behind the lens, with derivatives by p, h, the lens' parameters (of its support where it has
+// one) and those of the part for the rays' origins.
+struct LensImage {
+  Eigen::Vector2d m;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_p;
+  Eigen::Vector2d by_h;
+};
+
+bool DifferentiateLens(const Combination& of,
+                       const double* params,
+                       const double* config,
+                       const double* values,
+                       const Eigen::Vector4d& p_h,
+                       size_t* support,
+                       LensImage* image,
+                       Rows* by_params) {
+  const size_t count = of.lens.params.size();
+  const std::optional<ShiftedPoint> at_lens = AtLens(of, params + count, p_h.head<3>(), p_h[3]);
+  Rows own(2, by_params != nullptr ? of.LensColumns() : 0);
+  const ProjectionOutput out{.predicted = image->m.data(),
+                             .J_params = by_params != nullptr ? own.data() : nullptr,
+                             .J_point = image->by_p.data(),
+                             .support = support};
+  if (!at_lens || !of.lens.ProjectWithJacobian(params, config, values, at_lens->p, out)) {
+    return false;
+  }
+  for (int r = 0; r < 2; ++r) {
+    image->m[r] = (image->m[r] - params[2 + r]) / params[r];
+    image->by_p.row(r) /= params[r];
+    if (by_params != nullptr) own.row(r) /= params[r];
+  }
+  const Eigen::Vector2d by_z = image->by_p.col(2);
+  image->by_h = by_z * at_lens->z_by_h;
+  image->by_p.col(2).setZero();
+  image->by_p += by_z * at_lens->z_by_p;
+  if (by_params == nullptr) return true;
+  const Eigen::Index lens_columns = own.cols();
+  by_params->middleCols(4, lens_columns - 4) = own.rightCols(lens_columns - 4);
+  for (size_t i = 0; i < of.AxialCount(); ++i) {
+    by_params->col(lens_columns + static_cast<Eigen::Index>(i)) = by_z * at_lens->z_by_a[i];
+  }
+  return true;
+}
+
+// J by the parameters of the support; where `out.support` is null, by all.
+void WriteSupported(const Combination& of,
+                    std::span<const size_t> support,
+                    const Rows& J,
+                    const ProjectionOutput& out) {
+  const auto columns = static_cast<size_t>(J.cols());
+  if (out.support != nullptr) {
+    std::copy_n(support.begin(), columns, out.support);
+    std::copy_n(J.data(), 2 * columns, out.J_params);
+    return;
+  }
+  const size_t width = of.params.size();
+  std::fill_n(out.J_params, 2 * width, 0.0);
+  for (size_t r = 0; r < 2; ++r) {
+    for (size_t k = 0; k < columns; ++k) {
+      out.J_params[r * width + support[k]] =
+          J(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k));
+    }
+  }
+}
+
+// By `Combination::Columns`.
+bool DifferentiateColumns(const Combination& of,
+                          const double* params,
+                          const double* config,
+                          const double* values,
+                          const Eigen::Vector4d& p_h,
+                          size_t* support,
+                          LensImage* image,
+                          Rows* J) {
+  if (!DifferentiateLens(of, params, config, values, p_h, support, image, J)) return false;
+  const double* a = params + of.lens.params.size() + of.AxialCount();
+  Eigen::Vector2d next;
+  Eigen::Index done = of.LensColumns() + static_cast<Eigen::Index>(of.AxialCount());
+  for (const LensPart* part : of.parts) {
+    const auto n = static_cast<Eigen::Index>(part->params.size());
+    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, 2 + kMostPartParams> own(2, 2 + n);
+    if (!part->map_with_jacobian(a, image->m.data(), next.data(), own.data())) return false;
+    const Eigen::Matrix2d by_m = own.leftCols<2>();
+    image->m = next;
+    image->by_p = (by_m * image->by_p).eval();
+    image->by_h = (by_m * image->by_h).eval();
+    if (J != nullptr) {
+      J->middleCols(4, done - 4) = (by_m * J->middleCols(4, done - 4)).eval();
+      J->middleCols(done, n) = own.rightCols(n);
+    }
+    done += n;
+    a += n;
+  }
+  for (int r = 0; J != nullptr && r < 2; ++r) {
+    J->row(r) *= params[r];
+    (*J)(r, r) = image->m[r];
+    (*J)(r, 2 + r) = 1;
+  }
+  return true;
+}
+
 bool ProjectWithJacobian(const CameraModel& model,
                          const double* params,
                          const double* config,
@@ -74,52 +190,39 @@ bool ProjectWithJacobian(const CameraModel& model,
                          const Eigen::Vector3d& p,
                          double h,
                          const ProjectionOutput& out) {
-  using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, kMostParams>;
   const Combination& of = Of(model);
-  const auto lens_count = static_cast<Eigen::Index>(of.lens.params.size()),
-             count = static_cast<Eigen::Index>(of.params.size());
   const bool by_params = out.J_params != nullptr;
-  const LensParams lens(of, params);
-  Eigen::Vector2d m, next;
-  Rows of_lens(2, by_params ? lens_count : 0), J = Rows::Zero(2, by_params ? count : 0);
-  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
-  if (!of.lens.ProjectWithJacobian(lens.numbers.data(),
-                                   config,
-                                   values,
-                                   p,
-                                   {.predicted = m.data(),
-                                    .J_params = by_params ? of_lens.data() : nullptr,
-                                    .J_point = by_point.data()},
-                                   h)) {
+  const Eigen::Index columns = of.Columns();
+  Rows J = Rows::Zero(2, by_params ? columns : 0);
+  LensImage image;
+  std::array<size_t, kMostColumns> support;
+  if (!DifferentiateColumns(of,
+                            params,
+                            config,
+                            values,
+                            {p.x(), p.y(), p.z(), h},
+                            of.lens.support_size > 0 ? support.data() : nullptr,
+                            &image,
+                            by_params ? &J : nullptr)) {
     return false;
   }
-  if (by_params) J.middleCols(4, lens_count - 4) = of_lens.rightCols(lens_count - 4);
-  Eigen::Index done = lens_count;
-  for (const LensPart* part : of.parts) {
-    const auto n = static_cast<Eigen::Index>(part->params.size());
-    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, 2 + kMostPartParams> own(2, 2 + n);
-    if (!part->map_with_jacobian(params + done, m.data(), next.data(), own.data())) return false;
-    const Eigen::Matrix2d by_m = own.leftCols<2>();
-    m = next;
-    by_point = (by_m * by_point).eval();
-    if (by_params) {
-      J.middleCols(4, done - 4) = (by_m * J.middleCols(4, done - 4)).eval();
-      J.middleCols(done, n) = own.rightCols(n);
-    }
-    done += n;
-  }
-  const Eigen::Vector2d f(params[0], params[1]);
   for (int r = 0; r < 2; ++r) {
-    out.predicted[r] = f[r] * m[r] + params[2 + r];
-    Eigen::Map<Eigen::RowVector3d>(out.J_point + 3 * r) = f[r] * by_point.row(r);
-    if (out.J_h != nullptr) out.J_h[r] = 0;
-    if (!by_params) continue;
-    J.row(r) *= f[r];
-    J(r, r) = m[r];
-    J(r, 2 + r) = 1;
+    out.predicted[r] = params[r] * image.m[r] + params[2 + r];
+    Eigen::Map<Eigen::RowVector3d>(out.J_point + 3 * r) = params[r] * image.by_p.row(r);
+    if (out.J_h != nullptr) out.J_h[r] = params[r] * image.by_h[r];
   }
-  if (by_params) std::copy_n(J.data(), 2 * count, out.J_params);
-  return std::isfinite(out.predicted[0]) && std::isfinite(out.predicted[1]);
+  const bool finite = std::isfinite(out.predicted[0]) && std::isfinite(out.predicted[1]);
+  if (!by_params || !finite) return finite;
+  if (of.lens.support_size == 0) {
+    std::copy_n(J.data(), 2 * columns, out.J_params);
+    return true;
+  }
+  for (auto k = of.LensColumns(); k < columns; ++k) {
+    support[static_cast<size_t>(k)] =
+        of.lens.params.size() + static_cast<size_t>(k - of.LensColumns());
+  }
+  WriteSupported(of, support, J, out);
+  return true;
 }
 
 std::optional<Ray> Unproject(const CameraModel& model,
@@ -135,28 +238,49 @@ std::optional<Ray> Unproject(const CameraModel& model,
     if (!before) return std::nullopt;
     m = *before;
   }
-  const LensParams lens(of, params);
-  std::array<double, kMaxObservationSize> at{m.x(), m.y()};
-  return of.lens.Unproject(lens.numbers.data(), config, at.data());
+  std::array<double, kMaxObservationSize> at{params[0] * m.x() + params[2],
+                                             params[1] * m.y() + params[3]};
+  std::optional<Ray> ray = of.lens.Unproject(params, config, at.data());
+  if (!ray || of.axial == nullptr) return ray;
+  const std::optional<double> z_p =
+      AxisPointOf(*of.axial, params + of.lens.params.size(), ray->direction);
+  if (!z_p) return std::nullopt;
+  ray->origin.z() = *z_p;
+  return ray;
+}
+
+// The lens' share of a problem.
+struct LensProblem {
+  LensProblem(const Combination& of, const StartProblem& whole) : problem(whole) {
+    const size_t count = of.lens.params.size();
+    problem.given = whole.given.first(std::min(count, whole.given.size()));
+    problem.rules = whole.rules.first(std::min(count, whole.rules.size()));
+    if (whole.fixed == nullptr) return;
+    fixed.assign(
+        whole.fixed->begin(),
+        whole.fixed->begin() + static_cast<std::ptrdiff_t>(std::min(count, whole.fixed->size())));
+    problem.fixed = &fixed;
+  }
+  LensProblem(const LensProblem&) = delete;
+  LensProblem& operator=(const LensProblem&) = delete;
+
+  StartProblem problem;
+  std::vector<bool> fixed;
+};
+
+std::vector<double> PriorSigmas(const CameraModel& model, const StartProblem& problem) {
+  const Combination& of = Of(model);
+  std::vector<double> sigmas = of.lens.PriorSigmas(LensProblem(of, problem).problem);
+  sigmas.resize(of.params.size(), 0.0);
+  return sigmas;
 }
 
 // Those of the lens, with parts that have no effect.
 std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& problem) {
   const Combination& of = Of(model);
-  const size_t count = of.lens.params.size();
-  StartProblem of_lens = problem;
-  of_lens.given = problem.given.first(std::min(count, problem.given.size()));
-  of_lens.rules = problem.rules.first(std::min(count, problem.rules.size()));
-  std::vector<bool> fixed;
-  if (problem.fixed != nullptr) {
-    fixed.assign(problem.fixed->begin(),
-                 problem.fixed->begin() +
-                     static_cast<std::ptrdiff_t>(std::min(count, problem.fixed->size())));
-    of_lens.fixed = &fixed;
-  }
-  std::vector<StartCandidate> candidates = of.lens.Start(of_lens);
+  std::vector<StartCandidate> candidates = of.lens.Start(LensProblem(of, problem).problem);
   for (StartCandidate& candidate : candidates) {
-    for (size_t i = count; i < of.params.size(); ++i) {
+    for (size_t i = of.lens.params.size(); i < of.params.size(); ++i) {
       const std::optional<double> given =
           i < problem.given.size() ? problem.given[i] : std::nullopt;
       candidate.params.push_back(given.value_or(*of.params[i].neutral));
@@ -187,7 +311,17 @@ std::shared_ptr<Combination> Combine(const CameraModel& lens, std::string_view n
   for (std::string_view rest = name.substr(lens.name.size() + 1);;) {
     const size_t plus = rest.find('+');
     const LensPart& part = PartNamed(rest.substr(0, plus), name);
-    made->parts.push_back(&part);
+    if (part.axis_height == nullptr) {
+      made->parts.push_back(&part);
+    } else if (made->params.size() == lens.params.size()) {
+      made->axial = &part;
+    } else {
+      throw InputError("camera model '{}': {} acts before the lens; name it first: '{}+{}+...'",
+                       name,
+                       part.name,
+                       lens.name,
+                       part.name);
+    }
     made->source += fmt::format("; {}: {}", part.name, part.source);
     for (const Param& param : part.params) {
       if (std::ranges::find(made->params, param.name, &Param::name) != made->params.end()) {
@@ -201,8 +335,8 @@ std::shared_ptr<Combination> Combine(const CameraModel& lens, std::string_view n
     if (plus == std::string_view::npos) break;
     rest.remove_prefix(plus + 1);
   }
-  if (made->params.size() > kMostParams) {
-    throw InputError("camera model '{}': more than {} parameters", name, kMostParams);
+  if (made->Columns() > kMostColumns) {
+    throw InputError("camera model '{}': more than {} parameters", name, kMostColumns);
   }
   return made;
 }
@@ -210,11 +344,9 @@ std::shared_ptr<Combination> Combine(const CameraModel& lens, std::string_view n
 }  // namespace
 
 bool TakesParts(const CameraModel& lens) {
-  if (lens.plenoptic || !lens.IsCentral() || lens.support_size > 0 || !lens.config.empty()) {
-    return false;
-  }
+  if (lens.plenoptic || !lens.IsCentral() || !lens.config.empty()) return false;
   if (lens.name.find('+') != std::string_view::npos) return false;
-  return lens.params.size() >= kIntrinsics.size() && lens.params.size() <= kMostParams &&
+  return lens.params.size() >= kIntrinsics.size() &&
          std::equal(kIntrinsics.begin(),
                     kIntrinsics.end(),
                     lens.params.begin(),
@@ -235,11 +367,15 @@ const CameraModel* WithParts(const CameraModel& lens, std::string_view name) {
   model.example = made->example;
   model.self = made.get();
   model.usage = Usage::kRare;
+  if (made->axial != nullptr) model.centre = Centre::kAxis;
+  model.homogeneous = true;
+  if (lens.support_size > 0) model.support_size = static_cast<size_t>(made->Columns());
   model.functions = {.project = &Project,
                      .project_with_jacobian = &ProjectWithJacobian,
                      .unproject = &Unproject,
                      .start = &Start,
-                     .misfit = &CentralModel::JudgeFit};
+                     .misfit = &CentralModel::JudgeFit,
+                     .prior_sigmas = &PriorSigmas};
   return &AddCameraModel(model, made, made->name);
 }
 

@@ -12,7 +12,7 @@
 namespace plenocal {
 
 /// Whether parts can follow the model: u = (f_x m_x + c_x, f_y m_y + c_y), where m depends on the
-/// other parameters alone.
+/// other parameters alone. The support of a point, where the model has one, begins with these four.
 bool TakesParts(const CameraModel& lens);
 
 /// Adds the model "lens+part+..." to the registry, unless it is there, and gives it. Its parameters

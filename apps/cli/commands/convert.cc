@@ -8,6 +8,8 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/result_pictures.h"
+#include "apps/cli/view_options.h"
+#include "assess/central_view.h"
 #include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
@@ -22,6 +24,7 @@ struct ConvertArguments {
   std::filesystem::path calibration;
   std::string camera;  ///< empty: the only one
   std::string model;
+  std::optional<double> distance;  ///< of `CentralView`
   std::filesystem::path out;
 };
 
@@ -55,7 +58,9 @@ std::string SummaryOf(const CalibratedCamera& camera,
 
 void RunConvert(const ConvertArguments& arguments, Console* console) {
   const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
-  const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
+  const CentralView central(
+      calibration, FindCamera(calibration, arguments.camera), arguments.distance);
+  const CalibratedCamera& camera = central.camera();
   const CameraModel* model = ModelNamed("--to", arguments.model);
   const Conversion conversion = Convert(camera, *model);
 
@@ -77,12 +82,13 @@ void RunConvert(const ConvertArguments& arguments, Console* console) {
   OutputFolder out(arguments.out);
   out.Write("calibration.yaml",
             GivenCamerasYaml(std::array{converted},
-                             {{"plenocal_version", PLENOCAL_VERSION},
-                              {"converted_from", arguments.calibration.string()},
-                              {"model", std::string(camera.model->name)}}));
+                             central.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
+                                               {"converted_from", arguments.calibration.string()},
+                                               {"model", std::string(camera.model->name)}})));
   out.Write("conversion_errors.csv", errors);
   out.Write("conversion_errors.png", ConversionPicture(camera, *model, conversion));
   out.Commit();
+  central.Report(console->NewRun());
   console->Print(fmt::format(
       "{}\nwritten to {}\n", SummaryOf(camera, *model, conversion), arguments.out.string()));
 }
@@ -98,6 +104,7 @@ void DeclareConvert(CLI::App* app, ConvertArguments* arguments, ConsoleOptions* 
   AddCalibration(app, &arguments->calibration);
   app->add_option("--camera", arguments->camera, "its camera (default: the only one)");
   app->add_option("--to", arguments->model, "camera model")->required();
+  AddDistance(app, &arguments->distance);
   AddOut(app, &arguments->out);
   AddQuiet(app, shared);
 }

@@ -5,6 +5,7 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/view_options.h"
+#include "assess/central_view.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/output_folder.h"
 #include "engine/resample/map_files.h"
@@ -23,7 +24,9 @@ struct MapArguments {
 
 void RunMap(const MapArguments& arguments, Console* console) {
   const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
-  const CalibratedCamera& camera = FindCamera(calibration, arguments.camera);
+  const CentralView central(
+      calibration, FindCamera(calibration, arguments.camera), arguments.view.distance);
+  const CalibratedCamera& camera = central.camera();
   const CalibratedCamera view = UndistortedView(camera, arguments.view);
   const std::string extension = arguments.out.extension().string();
   const bool storage = extension == ".yaml" || extension == ".yml" || extension == ".xml";
@@ -36,10 +39,11 @@ void RunMap(const MapArguments& arguments, Console* console) {
   } else {
     files["calibration.yaml"] =
         GivenCamerasYaml(std::array{view},
-                         {{"plenocal_version", PLENOCAL_VERSION},
-                          {"undistorted_from", arguments.calibration.string()}});
+                         central.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
+                                           {"undistorted_from", arguments.calibration.string()}}));
     WriteInto(arguments.out, {files.begin(), files.end()});
   }
+  central.Report(console->NewRun());
   console->Print(
       fmt::format("{}: {}\nwritten to {}\n", camera.name, ViewText(view), arguments.out.string()));
 }

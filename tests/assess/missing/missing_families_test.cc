@@ -105,6 +105,12 @@ TEST(MissingFamilies, AreNamedFirst) {
   EXPECT_GE(FirstIn(kCameras, asymmetric, "tilt", {0.02, -0.01}), kMost);
 }
 
+// Near frames see what far ones do not.
+TEST(MissingFamilies, APupilThatMovesIsNamedFirst) {
+  constexpr int kCameras = 10;
+  EXPECT_GE(FirstIn(kCameras, {"pupil"}, "pupil", {0.03, 0, 0}), 9);
+}
+
 TEST(MissingFamilies, NameTheModelToTryAndWhatItGains) {
   SyntheticProblem problem = MakeProblem(3, {.frames = 20, .noise = kNoise});
   CameraInput& camera = problem.input.cameras[0];

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/central_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "calib/base/format_error.h"
+#include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
+
+namespace plenocal {
+namespace {
+
+// Of the middle of the target's markers, in the frames in which they are before the camera.
+double MedianDistance(const CalibrationRecord& calibration, const CalibratedCamera& camera) {
+  const auto c = static_cast<size_t>(&camera - calibration.cameras.data());
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const auto& [number, marker] : calibration.markers) middle += marker.position;
+  if (!calibration.markers.empty()) middle /= static_cast<double>(calibration.markers.size());
+  std::vector<double> distances;
+  for (size_t frame = 0; frame < calibration.frames.size(); ++frame) {
+    const Eigen::Vector3d p = calibration.CameraFromTarget(c, static_cast<int>(frame)) * middle;
+    if (p.allFinite()) distances.push_back(p.norm());
+  }
+  if (distances.empty()) {
+    throw InputError(
+        "camera '{}': the rays of {} have no common origin, so that a map of pixels is exact at "
+        "one distance, and {} has no frames with the target's; give --distance METRES",
+        camera.name,
+        camera.model->name,
+        calibration.path.string());
+  }
+  return Median(std::move(distances));
+}
+
+// `self` of the central model.
+const CentralView& ViewOf(const CameraModel& model) {
+  return *static_cast<const CentralView*>(model.self);
+}
+
+}  // namespace
+
+CentralView::CentralView(const CalibrationRecord& calibration,
+                         const CalibratedCamera& camera,
+                         std::optional<double> distance)
+    : original_(camera) {
+  if (camera.model->IsCentral()) return;
+  if (camera.model->plenoptic) {
+    throw InputError(
+        "camera '{}': {} is no model of an ordinary camera, so that no map of pixels undistorts its images",
+        camera.name,
+        camera.model->name);
+  }
+  inverse_distance_ = 1 / (distance ? *distance : MedianDistance(calibration, camera));
+  model_ = *camera.model;
+  model_.centre = Centre::kPoint;
+  model_.homogeneous = true;
+  model_.self = this;
+  model_.functions = {
+      .project = &Project, .project_with_jacobian = &ProjectWithJacobian, .unproject = &Unproject};
+  camera_ = camera;
+  camera_.model = &model_;
+  FindLargestError();
+}
+
+// The point (p / |p|, 1 / distance) on the ray of the original.
+bool CentralView::Project(const CameraModel& model,
+                          const double* params,
+                          const double* config,
+                          const double* values,
+                          const Eigen::Vector3d& p,
+                          double /*h*/,
+                          double* predicted) {
+  const CentralView& view = ViewOf(model);
+  return view.original_.model->Project(
+      params, config, values, p.stableNormalized(), predicted, view.inverse_distance_);
+}
+
+bool CentralView::ProjectWithJacobian(const CameraModel& model,
+                                      const double* params,
+                                      const double* config,
+                                      const double* values,
+                                      const Eigen::Vector3d& p,
+                                      double /*h*/,
+                                      const ProjectionOutput& out) {
+  const CentralView& view = ViewOf(model);
+  const double length = p.stableNorm();
+  const Eigen::Vector3d unit = p / length;
+  if (!view.original_.model->ProjectWithJacobian(
+          params, config, values, unit, out, view.inverse_distance_)) {
+    return false;
+  }
+  for (size_t r = 0; r < model.measured.size(); ++r) {
+    Eigen::Map<Eigen::RowVector3d> by_point(out.J_point + 3 * r);
+    by_point = ((by_point - by_point.dot(unit) * unit.transpose()) / length).eval();
+    if (out.J_h != nullptr) out.J_h[r] = 0;
+  }
+  return true;
+}
+
+std::optional<Ray> CentralView::Unproject(const CameraModel& model,
+                                          const double* params,
+                                          const double* config,
+                                          const double* values) {
+  const CentralView& view = ViewOf(model);
+  const std::optional<Ray> ray = view.original_.model->Unproject(params, config, values);
+  if (!ray) return std::nullopt;
+  // lambda >= 0 with |h origin + lambda direction| = 1.
+  const Eigen::Vector3d o = view.inverse_distance_ * ray->origin;
+  const double along = o.dot(ray->direction), rest = 1 - o.squaredNorm() + along * along;
+  if (!(rest > 0)) return std::nullopt;
+  return Ray{Eigen::Vector3d::Zero(),
+             (o + (std::sqrt(rest) - along) * ray->direction).normalized()};
+}
+
+void CentralView::FindLargestError() {
+  constexpr int kSteps = 16;
+  for (int row = 0; row <= kSteps; ++row) {
+    for (int column = 0; column <= kSteps; ++column) {
+      const double u[kMaxObservationSize] = {(camera_.image_size[0] - 1.0) * column / kSteps,
+                                             (camera_.image_size[1] - 1.0) * row / kSteps};
+      const auto ray = plenocal::Unproject(original_, u);
+      if (!ray) continue;
+      for (const double inverse : inverse_distance_ > 0
+                                      ? std::vector{inverse_distance_ / 2, inverse_distance_ * 2}
+                                      : std::vector{1.0}) {
+        const Eigen::Vector3d p = inverse * ray->origin + ray->direction;
+        Eigen::Vector2d seen;
+        if (!plenocal::Project(camera_, u, p, seen.data())) continue;
+        largest_error_ = std::max(largest_error_, (seen - Eigen::Vector2d(u[0], u[1])).norm());
+      }
+    }
+  }
+}
+
+std::string CentralView::DistanceText() const {
+  return inverse_distance_ > 0 ? fmt::format("{:.4g} m", 1 / inverse_distance_) : "infinite";
+}
+
+Provenance CentralView::StatedIn(Provenance provenance) const {
+  if (camera_.model != nullptr) {
+    provenance.emplace_back(fmt::format("{}_exact_at", camera_.name), DistanceText());
+  }
+  return provenance;
+}
+
+void CentralView::Report(const Run& run) const {
+  if (camera_.model == nullptr) return;
+  run.Message(fmt::format(
+      "camera '{}': {} has no single centre; the map is exact at the distance {}, and off by at "
+      "most {:.2g} px {}; --distance chooses another",
+      camera_.name,
+      original_.model->name,
+      DistanceText(),
+      largest_error_,
+      inverse_distance_ > 0 ? "at half and at twice it" : "at 1 m"));
+}
+
+}  // namespace plenocal
