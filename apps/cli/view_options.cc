@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -30,9 +31,9 @@ void AddDistance(CLI::App* app, std::optional<double>* distance) {
   app->add_option(
          "--distance",
          *distance,
-         "of a camera without a single centre (pupil): distance, m or inf, at which the result is "
+         "of a camera without a single centre (pupil): distance, m, at which the result is "
          "exact (default: the target's)")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1e-3, std::numeric_limits<double>::infinity()));
 }
 
 void AddResampleOptions(CLI::App* app, ResampleSettings* resample) {

@@ -33,6 +33,8 @@ struct Family {
   std::function<Eigen::MatrixXd(const Plane& m)> fields = nullptr;
   /// In its place fields of the points in space, in units of the noise.
   Eigen::MatrixXd (*in_space)(const Bundle& bundle, size_t camera, const ViewRows& view) = nullptr;
+  /// Tested beside the fields of this family, the first, which it resembles and which is commoner.
+  bool beside_radial = false;
 };
 
 // One column each of functions of (x, y), for x and for y.
@@ -166,7 +168,8 @@ std::vector<Family> Families() {
            {"+pupil"},
            nullptr,
            nullptr,
-           &PupilFields},
+           &PupilFields,
+           true},
           {"local", "local distortion", {"splined"}, nullptr, local},
           {"board",
            "a bent target, which is not the lens",
@@ -252,7 +255,9 @@ class Search {
       std::optional<size_t> best;
       Score score;
       for (const size_t k : open) {
-        Score of = Test(unknowns, of_family_[k]);
+        std::vector<Eigen::Index> beside = unknowns;
+        if (families_[k].beside_radial && open[0] == 0) Append(of_family_[0], &beside);
+        Score of = Test(beside, of_family_[k]);
         of.probability = std::min(1.0, of.probability * static_cast<double>(open.size()));
         if (!(of.probability < kFalseAlarms) || (best && !IsBetter(of, score))) continue;
         best = k;
@@ -260,8 +265,7 @@ class Search {
       }
       if (!best) break;
       found.push_back(Describe(families_[*best], score));
-      const Columns& columns = of_family_[*best];
-      for (Eigen::Index i = 0; i < columns.count; ++i) unknowns.push_back(columns.first + i);
+      Append(of_family_[*best], &unknowns);
       std::erase(open, *best);
     }
     return found;
@@ -278,6 +282,10 @@ class Search {
       return of.square / of.variance - of.degrees * std::log(products_.rows);
     };
     return worth(a) > worth(b);
+  }
+
+  static void Append(const Columns& columns, std::vector<Eigen::Index>* unknowns) {
+    for (Eigen::Index i = 0; i < columns.count; ++i) unknowns->push_back(columns.first + i);
   }
 
   void Add(const ViewRows& view) {

@@ -98,6 +98,10 @@ std::vector<std::string> KeysOf(const std::string& name, const LensTable& table)
 
 /// Of the models that the tool holds the one that differs least from the camera, for a message.
 std::string NearestText(const CalibratedCamera& camera, const LensTable& table) {
+  if (!camera.model->IsCentral()) {
+    return "; it has no single centre: 'plenocal convert --to MODEL --distance METRES' makes a "
+           "camera of a central model, exact at one distance";
+  }
   std::optional<std::pair<Conversion, std::string_view>> nearest;
   for (const LensForm& form : table.forms) {
     const CameraModel* const model = FindModel(CameraModels(), form.model);

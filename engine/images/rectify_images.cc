@@ -176,7 +176,7 @@ void WritePreviews(const StereoImages& images, const Encoded& encoded, OutputFol
 
 RectifiedImages RectifyImages(const RectifyRequest& request, const Run& run) {
   const RunScope inputs;
-  return RectifyImages(OpenCalibration(request.calibration), request, run);
+  return RectifyImages(OpenForViews(request.calibration), request, run);
 }
 
 RectifiedImages RectifyImages(const CalibrationRecord& calibration,

@@ -166,7 +166,7 @@ UndistortedImages UndistortPlenoptic(const UndistortJob& job) {
 
 UndistortedImages UndistortImages(const UndistortRequest& request, const Run& run) {
   const RunScope inputs;
-  return UndistortImages(OpenCalibration(request.calibration), request, run);
+  return UndistortImages(OpenForViews(request.calibration), request, run);
 }
 
 UndistortedImages UndistortImages(const CalibrationRecord& calibration,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/session/calibration_folder.h"
 
+#include <algorithm>
+
 #include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
 #include "calib/files/calibration_tables.h"
@@ -44,6 +46,20 @@ CalibrationRecord ReadWithModels(const fs::path& path) {
 CalibrationRecord OpenCalibration(const fs::path& path) {
   CompleteResults(path);
   return ReadWithModels(path);
+}
+
+CalibrationRecord OpenForViews(const fs::path& path) {
+  CalibrationRecord calibration = OpenCalibration(path);
+  const bool is_axial = std::ranges::any_of(
+      calibration.cameras,
+      [](const CalibratedCamera& camera) { return camera.model->centre == Centre::kAxis; });
+  const fs::path poses = path.parent_path() / "poses.csv",
+                 target = path.parent_path() / "target.yaml";
+  std::error_code error;
+  if (!is_axial || !fs::exists(poses, error) || !fs::exists(target, error)) return calibration;
+  ReadRefinedTarget(target, &calibration);
+  calibration.frames = ReadPoses(poses);
+  return calibration;
 }
 
 CalibrationRecord OpenWithCorrelations(const fs::path& path) {

@@ -18,6 +18,10 @@ namespace plenocal {
 /// calibration.yaml alone.
 CalibrationRecord OpenCalibration(const std::filesystem::path& path);
 
+/// calibration.yaml and, of cameras without a single centre, poses.csv and target.yaml if they are
+/// beside it: what `CentralView` needs.
+CalibrationRecord OpenForViews(const std::filesystem::path& path);
+
 /// calibration.yaml with the correlations.csv beside it, if there is one.
 CalibrationRecord OpenWithCorrelations(const std::filesystem::path& path);
 

@@ -57,7 +57,7 @@ std::string SummaryOf(const CalibratedCamera& camera,
 }
 
 void RunConvert(const ConvertArguments& arguments, Console* console) {
-  const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
+  const CalibrationRecord calibration = OpenForViews(arguments.calibration);
   const CentralView central(
       calibration, FindCamera(calibration, arguments.camera), arguments.distance);
   const CalibratedCamera& camera = central.camera();

@@ -23,7 +23,7 @@ struct MapArguments {
 };
 
 void RunMap(const MapArguments& arguments, Console* console) {
-  const CalibrationRecord calibration = OpenCalibration(arguments.calibration);
+  const CalibrationRecord calibration = OpenForViews(arguments.calibration);
   const CentralView central(
       calibration, FindCamera(calibration, arguments.camera), arguments.view.distance);
   const CalibratedCamera& camera = central.camera();
