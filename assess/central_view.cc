@@ -14,6 +14,8 @@
 namespace plenocal {
 namespace {
 
+constexpr const char* kExactAt = "exact_at";
+
 // Of the middle of the target's markers, in the frames in which they are before the camera.
 double MedianDistance(const CalibrationRecord& calibration, const CalibratedCamera& camera) {
   const auto c = static_cast<size_t>(&camera - calibration.cameras.data());
@@ -141,8 +143,12 @@ std::string CentralView::DistanceText() const {
 }
 
 Provenance CentralView::StatedIn(Provenance provenance) const {
-  if (camera_.model != nullptr) {
-    provenance.emplace_back(fmt::format("{}_exact_at", camera_.name), DistanceText());
+  if (camera_.model == nullptr) return provenance;
+  const std::string stated = fmt::format("{} {}", camera_.name, DistanceText());
+  if (provenance.empty() || provenance.back().first != kExactAt) {
+    provenance.emplace_back(kExactAt, stated);
+  } else {
+    provenance.back().second += ", " + stated;
   }
   return provenance;
 }

@@ -16,9 +16,9 @@ namespace plenocal {
 class CentralView {
  public:
   /// `distance` in m, may be infinite; not set: the median distance of the target in the frames of
-  /// `calibration`, to which the camera belongs. A central camera stays itself. Both must outlive
-  /// the view. Throws `Error` of kind kInput for plenoptic cameras, and where the calibration has
-  /// no frames and `distance` is not set.
+  /// `calibration`, to which the camera belongs. A central camera stays itself. The camera must
+  /// outlive the view. Throws `Error` of kind kInput for plenoptic cameras, and where the
+  /// calibration has no frames and `distance` is not set.
   CentralView(const CalibrationRecord& calibration,
               const CalibratedCamera& camera,
               std::optional<double> distance);

@@ -34,7 +34,7 @@ LENSES = {
     "prism": ("pinhole-radtan8", "pinhole-radtan12", ["s_1", "s_2", "s_3", "s_4"]),
     "tilt": ("pinhole-radtan", "pinhole-radtan+tilt", ["tau_x", "tau_y"]),
     "skew": ("pinhole-radtan", "pinhole-radtan+skew", ["alpha_s"]),
-    "pupil": ("kannala-brandt4", "kannala-brandt4+pupil", ["e_0"]),
+    "pupil": ("kannala-brandt4", "kannala-brandt4+pupil", ["e_0", "e_1", "e_2"]),
 }
 
 

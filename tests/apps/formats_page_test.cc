@@ -570,8 +570,8 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
   Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.01\n");
   Write("spec.yaml",
         "plenocal: 1\ntarget: target.yaml\nwhite_images: 1\ncameras:\n"
-        "  left: {model: pinhole-radial3, image_size: [240, 200], parameters: {f_x: 200, f_y: 200, "
-        "c_x: 120, c_y: 100}}\n"
+        "  left: {model: pinhole+pupil, image_size: [240, 200], parameters: {f_x: 200, f_y: 200, "
+        "c_x: 120, c_y: 100, e_0: 0.001, e_1: 0, e_2: 0}}\n"
         "  plenoptic: {model: focused-plenoptic, image_size: [240, 240], pixel_size: 7.4e-6, "
         "parameters: {f_L: 0.0122, b_L0: 0.01166, B: 0.00026, c_x: 120, c_y: 120}, micro_lenses: "
         "{pitch: 19, focus: [3]}}\nposes: {frames: 1, distance: [0.4, 0.4]}\n");
@@ -589,7 +589,7 @@ TEST_F(FormatsPage, HasWhatCalibrationsWrite) {
                     "left",
                     "--to",
                     "mine"});
-  SeeCalibrationOf({"map", "set/truth/calibration.yaml", "--camera", "left"});
+  SeeCalibrationOf({"map", "set/truth/calibration.yaml", "--camera", "left", "--distance", "0.4"});
   WriteProblem(EasyProblem(2));
   ASSERT_EQ(Run({"calibrate", "session.yaml", "-o", "rig", "--no-report"}).status, kDone);
   SeeCalibrationOf({"rectify", "rig/calibration.yaml"});

@@ -76,8 +76,9 @@ TEST(CentralView, StatesTheTargetsDistanceAndTheErrorAtOthers) {
   const CentralView view(record, record.cameras[0], std::nullopt);
   const Provenance stated = view.StatedIn({});
   ASSERT_EQ(stated.size(), 1);
-  EXPECT_EQ(stated[0].first, "left_exact_at");
-  EXPECT_EQ(stated[0].second, "1 m");
+  EXPECT_EQ(stated[0].first, "exact_at");
+  EXPECT_EQ(stated[0].second, "left 1 m");
+  EXPECT_EQ(view.StatedIn(stated)[0].second, "left 1 m, left 1 m");  // of the second of a pair
   // Of the corner, at half the distance: f z_p sin(theta) (1 / 0.5 - 1 / 1) in first order.
   const double theta = std::hypot(322 / 210.0, 243 / 212.0);
   const double z_p = (theta / std::sin(theta) - 1) * 0.004;
