@@ -3,8 +3,8 @@
 // An entrance pupil that moves along the optical axis with the angle theta of a ray: the ray meets
 // the axis in (0, 0, z_p). The camera has no single centre then; e = 0 is the lens alone.
 //
-// Source: Gennery, Generalized camera calibration including fish-eye lenses (IJCV 68, 2006),
-// equation 12; the E terms of CAHVORE:
+// Source: Gennery, Generalized camera calibration including fish-eye lenses (IJCV 68, 2006); the E
+// terms of CAHVORE (mrcal, cahvore.cc):
 //
 //   z_p = (theta / sin(theta) - 1) (e_0 + e_1 theta^2 + e_2 theta^4)
 //
@@ -22,11 +22,11 @@ struct Pupil {
   static constexpr std::string_view kName = "pupil";
   static constexpr std::string_view kSource = "Gennery, IJCV 2006; CAHVORE, E";
   static constexpr double kLargestAngle = 5 * std::numbers::pi / 6;
-  // Scales: shifts by 1 cm and more at 90 degrees, which no lens has.
+  // Scales: of some millimetres, as lenses have them, at 90 degrees.
   static constexpr std::array<Param, 3> kParams{
-      Param{.name = "e_0", .unit = "m", .scale = 0.02, .neutral = 0},
-      Param{.name = "e_1", .unit = "m", .scale = 0.007, .neutral = 0},
-      Param{.name = "e_2", .unit = "m", .scale = 0.003, .neutral = 0}};
+      Param{.name = "e_0", .unit = "m", .scale = 0.005, .neutral = 0},
+      Param{.name = "e_1", .unit = "m", .scale = 0.002, .neutral = 0},
+      Param{.name = "e_2", .unit = "m", .scale = 0.0008, .neutral = 0}};
   static constexpr std::array kExample{0.002, -0.0004, 0.0001};
 
   /// z_p sin(theta), m.

@@ -289,6 +289,18 @@ std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& 
   return candidates;
 }
 
+std::string Remedy(const CameraModel& model, std::span<const size_t> weak, const DepthRange& seen) {
+  const Combination& of = Of(model);
+  const size_t first = of.lens.params.size(), end = first + of.AxialCount();
+  if (std::ranges::none_of(weak, [&](size_t i) { return i >= first && i < end; })) return "";
+  return fmt::format(
+      "Where rays start shows in how near points differ from far ones, and the target was seen at "
+      "{:.3g} to {:.3g} m: add frames that are nearer, and frames that are farther; or keep all "
+      "but one of these parameters at 0 with 'fixed'.",
+      seen.nearest,
+      seen.farthest);
+}
+
 const LensPart& PartNamed(std::string_view part, std::string_view model) {
   const std::span<const LensPart> parts = LensParts();
   const auto found = std::ranges::find(parts, part, &LensPart::name);
@@ -375,6 +387,7 @@ const CameraModel* WithParts(const CameraModel& lens, std::string_view name) {
                      .unproject = &Unproject,
                      .start = &Start,
                      .misfit = &CentralModel::JudgeFit,
+                     .remedy = &Remedy,
                      .prior_sigmas = &PriorSigmas};
   return &AddCameraModel(model, made, made->name);
 }

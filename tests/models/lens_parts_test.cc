@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <array>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -112,6 +113,10 @@ TEST(LensParts, PupilMovesTheRaysAlongTheAxis) {
   }
   const double beyond[kMaxObservationSize] = {320 + 400 * 2.62, 240};
   EXPECT_FALSE(model.Unproject(params.data(), nullptr, beyond));
+  const DepthRange seen{.nearest = 0.5, .farthest = 0.7};
+  const std::array<size_t, 1> focal{0}, pupil{4};
+  EXPECT_THAT(model.Remedy(pupil, seen), HasSubstr("0.5 to 0.7 m: add frames that are nearer"));
+  EXPECT_EQ(model.Remedy(focal, seen), "");
 }
 
 TEST(LensParts, WithoutASenseAreRefused) {
