@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_limits.h"
 #include "calib/base/statistics.h"
 #include "calib/camera/rays.h"
 
@@ -30,10 +32,9 @@ double MedianDistance(const CalibrationRecord& calibration, const CalibratedCame
   if (distances.empty()) {
     throw InputError(
         "camera '{}': the rays of {} have no common origin, so that a map of pixels is exact at "
-        "one distance, and {} has no frames with the target's; give --distance METRES",
+        "one distance, and there are no frames with the target's; give a distance (--distance METRES)",
         camera.name,
-        camera.model->name,
-        calibration.path.string());
+        camera.model->name);
   }
   return Median(std::move(distances));
 }
@@ -56,6 +57,7 @@ CentralView::CentralView(const CalibrationRecord& calibration,
         camera.name,
         camera.model->name);
   }
+  if (distance) RequireWithin("distance", *distance, 1e-3, std::numeric_limits<double>::infinity());
   inverse_distance_ = 1 / (distance ? *distance : MedianDistance(calibration, camera));
   model_ = *camera.model;
   model_.centre = Centre::kPoint;

@@ -90,6 +90,7 @@ class ViewOptions:
     size: Size
     fov: float | None
     balance: float | None
+    distance: float | None
 
 class ResampleSettings:
     interpolation: str

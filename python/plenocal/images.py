@@ -142,6 +142,7 @@ def rectify(
     size: Sequence[int] | None = None,
     fov: float | None = None,
     balance: float | None = None,
+    distance: float | None = None,
     interpolation: str = "linear",
     keep_vignetting: bool = False,
     maps: bool = False,
@@ -162,6 +163,7 @@ def rectify(
         size: width and height of the results, px; None: the first camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
         balance: 0: every pixel has a source, 1: all of the cameras' images is visible; None: as by `fov`.
+        distance: of cameras without a single centre, where the results are exact, m; None: the target's.
         interpolation: "linear", "nearest", "cubic" or "lanczos".
         keep_vignetting: do not correct the calibrated vignetting.
         maps: write remap tables, too.
@@ -175,7 +177,7 @@ def rectify(
     request.left = os.fspath(left)
     request.right = os.fspath(right)
     request.cameras = list(cameras)
-    _set_view(request.view, size, fov, balance)
+    _set_view(request.view, size, fov, balance, distance)
     request.settings.interpolation = interpolation
     request.settings.keep_vignetting = keep_vignetting
     request.maps = maps
@@ -194,6 +196,7 @@ def undistort(
     size: Sequence[int] | None = None,
     fov: float | None = None,
     balance: float | None = None,
+    distance: float | None = None,
     interpolation: str = "linear",
     bayer: str = "",
     keep_vignetting: bool = False,
@@ -210,6 +213,7 @@ def undistort(
         size: width and height of the results, px; None: the camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
         balance: 0: every pixel has a source, 1: all of the camera's image is visible; None: as by `fov`.
+        distance: of cameras without a single centre, where the results are exact, m; None: the target's.
         interpolation: "linear", "nearest", "cubic" or "lanczos".
         bayer: colours of the top-left 2 x 2 pixels of raw mosaics (RGGB, BGGR, GRBG or GBRG); empty: no mosaics.
         keep_vignetting: do not correct the calibrated vignetting.
@@ -222,7 +226,7 @@ def undistort(
     request = _core.UndistortRequest()
     request.images = paths(images)
     request.camera = camera
-    _set_view(request.view, size, fov, balance)
+    _set_view(request.view, size, fov, balance, distance)
     request.settings.interpolation = interpolation
     request.settings.keep_vignetting = keep_vignetting
     request.settings.set_bayer(bayer)
@@ -237,6 +241,7 @@ def undistort_maps(
     size: Sequence[int] | None = None,
     fov: float | None = None,
     balance: float | None = None,
+    distance: float | None = None,
     threads: int = 0,
 ) -> tuple[FloatArray, FloatArray, Camera]:
     """Tables for cv2.remap to the images of a pinhole camera, and that camera (`plenocal map`).
@@ -246,11 +251,12 @@ def undistort_maps(
         size: width and height of the new images, px; None: the camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the camera's scale on the optical axis.
         balance: 0: every pixel has a source, 1: all of the camera's image is visible; None: as by `fov`.
+        distance: of cameras without a single centre, where the results are exact, m; None: these are refused.
         threads: number of threads; 0: one a core.
 
     Returns map_x and map_y, (H, W) float32, px, -1 where the camera has no image point, and the new camera.
     """
-    options = _set_view(_core.ViewOptions(), size, fov, balance)
+    options = _set_view(_core.ViewOptions(), size, fov, balance, distance)
     x, y, view = _core.undistort_maps(camera._native, options, threads)
     return x, y, Camera._of(view)
 
@@ -262,6 +268,7 @@ def rectify_maps(
     size: Sequence[int] | None = None,
     fov: float | None = None,
     balance: float | None = None,
+    distance: float | None = None,
     threads: int = 0,
 ) -> tuple[tuple[FloatArray, FloatArray, Camera], tuple[FloatArray, FloatArray, Camera], float]:
     """Tables for cv2.remap that rectify a stereo pair: corresponding points then lie in equal rows.
@@ -272,22 +279,28 @@ def rectify_maps(
         size: width and height of the new images, px; None: the first camera's.
         fov: horizontal field of view, degrees (1 to 175); None: the cameras' scale on the optical axis.
         balance: 0: every pixel has a source, 1: all of the cameras' images is visible; None: as by `fov`.
+        distance: of cameras without a single centre, where the results are exact, m; None: these are refused.
         threads: number of threads; 0: one a core.
 
     Returns for each camera map_x, map_y and the new camera, as `undistort_maps` does, and the baseline, m (negative if
     the second camera is on the left).
     """
-    options = _set_view(_core.ViewOptions(), size, fov, balance)
+    options = _set_view(_core.ViewOptions(), size, fov, balance, distance)
     one, two, baseline = _core.rectify_maps(first._native, second._native, options, threads)
     return (*one[:2], Camera._of(one[2])), (*two[:2], Camera._of(two[2])), baseline
 
 
 def _set_view(
-    options: _core.ViewOptions, size: Sequence[int] | None, fov: float | None, balance: float | None
+    options: _core.ViewOptions,
+    size: Sequence[int] | None,
+    fov: float | None,
+    balance: float | None,
+    distance: float | None,
 ) -> _core.ViewOptions:
     options.size = image_size(size)
     options.fov = fov
     options.balance = balance
+    options.distance = distance
     return options
 
 

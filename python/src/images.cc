@@ -178,7 +178,8 @@ void BindRequests(nb::module_& module) {
       .def(nb::init<>())
       .def_rw("size", &ViewOptions::size)
       .def_rw("fov", &ViewOptions::fov)
-      .def_rw("balance", &ViewOptions::balance);
+      .def_rw("balance", &ViewOptions::balance)
+      .def_rw("distance", &ViewOptions::distance);
   nb::class_<ResampleSettings>(module, "ResampleSettings")
       .def_rw("interpolation", &ResampleSettings::interpolation)
       .def_rw("keep_vignetting", &ResampleSettings::keep_vignetting)

@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "assess/central_view.h"
 #include "engine/resample/pinhole_view.h"
 #include "engine/resample/pixel_map.h"
 #include "engine/resample/rectify.h"
@@ -28,8 +29,9 @@ nb::tuple UndistortMaps(const CalibratedCamera& camera, const ViewOptions& optio
   CalibratedCamera view;
   PixelMap map;
   Call([&] {
-    view = UndistortedView(camera, options);
-    map = MapPixels(view, camera, Eigen::Matrix3d::Identity(), threads);
+    const CentralView central({}, camera, options.distance);
+    view = UndistortedView(central.camera(), options);
+    map = MapPixels(view, central.camera(), Eigen::Matrix3d::Identity(), threads);
   });
   auto [x, y] = Tables(std::move(map));
   return nb::make_tuple(x, y, view);
@@ -39,11 +41,12 @@ nb::tuple RectifyMaps(const CalibratedCamera& first,
                       const CalibratedCamera& second,
                       const ViewOptions& options,
                       int threads) {
-  const std::array cameras{&first, &second};
   RectifiedPair pair;
   std::array<PixelMap, 2> maps;
   Call([&] {
-    pair = Rectify(first, second, options);
+    const CentralView one({}, first, options.distance), two({}, second, options.distance);
+    const std::array cameras{&one.camera(), &two.camera()};
+    pair = Rectify(*cameras[0], *cameras[1], options);
     for (size_t c = 0; c < 2; ++c) {
       maps[c] = MapPixels(pair.views[c], *cameras[c], pair.R_view_camera[c].transpose(), threads);
     }

@@ -100,7 +100,7 @@ TEST(CentralView, WithoutFramesNeedsADistance) {
     const CentralView view(record, record.cameras[0], std::nullopt);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("give --distance METRES"));
+    EXPECT_THAT(error.what(), HasSubstr("--distance METRES"));
   }
 }
 

@@ -293,6 +293,21 @@ def test_maps_undistort() -> None:
     np.testing.assert_allclose([x[v, u], y[v, u]], source, atol=1e-3)  # 32-bit
 
 
+def test_maps_of_a_camera_without_a_centre_are_exact_at_a_distance() -> None:
+    camera = plenocal.Camera(
+        "equidistant+pupil", (640, 480), [210, 212, 322, 243, 0.004, 0, 0], name="axial"
+    )
+    x, y, view = plenocal.undistort_maps(camera, distance=0.5)
+    u, v = 100, 200
+    direction = view.unproject([[float(u), float(v)]])
+    source = camera.project(0.5 * direction / np.linalg.norm(direction))[0]
+    np.testing.assert_allclose([x[v, u], y[v, u]], source, atol=1e-3)  # 32-bit
+    with pytest.raises(plenocal.InputError, match="give a distance"):
+        plenocal.undistort_maps(camera)
+    with pytest.raises(plenocal.InputError, match="distance: expected a number"):
+        plenocal.undistort_maps(camera, distance=-1)
+
+
 def test_maps_rectify() -> None:
     left = example("pinhole-radtan")
     pose = np.eye(4)
