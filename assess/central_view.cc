@@ -50,13 +50,7 @@ CentralView::CentralView(const CalibrationRecord& calibration,
                          const CalibratedCamera& camera,
                          std::optional<double> distance)
     : original_(camera) {
-  if (camera.model->IsCentral()) return;
-  if (camera.model->plenoptic) {
-    throw InputError(
-        "camera '{}': {} is no model of an ordinary camera, so that no map of pixels undistorts its images",
-        camera.name,
-        camera.model->name);
-  }
+  if (camera.model->IsCentral() || camera.model->plenoptic) return;
   if (distance) RequireWithin("distance", *distance, 1e-3, std::numeric_limits<double>::infinity());
   inverse_distance_ = 1 / (distance ? *distance : MedianDistance(calibration, camera));
   model_ = *camera.model;

@@ -16,8 +16,8 @@ namespace plenocal {
 class CentralView {
  public:
   /// `distance` in m, may be infinite; not set: the median distance of the target in the frames of
-  /// `calibration`, to which the camera belongs. A central camera stays itself. The camera must
-  /// outlive the view. Throws `Error` of kind kInput for plenoptic cameras, and where the
+  /// `calibration`, to which the camera belongs. A central camera stays itself, and so does a
+  /// plenoptic one. The camera must outlive the view. Throws `Error` of kind kInput where the
   /// calibration has no frames and `distance` is not set.
   CentralView(const CalibrationRecord& calibration,
               const CalibratedCamera& camera,

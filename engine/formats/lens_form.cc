@@ -98,7 +98,7 @@ std::vector<std::string> KeysOf(const std::string& name, const LensTable& table)
 
 /// Of the models that the tool holds the one that differs least from the camera, for a message.
 std::string NearestText(const CalibratedCamera& camera, const LensTable& table) {
-  if (!camera.model->IsCentral()) {
+  if (camera.model->centre == Centre::kAxis) {
     return "; it has no single centre: 'plenocal convert --to MODEL --distance METRES' makes a "
            "camera of a central model, exact at one distance";
   }
