@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kExactAt = "exact_at";
 
-// Of the middle of the target's markers, in the frames in which they are before the camera.
+// Of the middle of the target's markers, over the frames.
 double MedianDistance(const CalibrationRecord& calibration, const CalibratedCamera& camera) {
   const auto c = static_cast<size_t>(&camera - calibration.cameras.data());
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
@@ -40,55 +40,34 @@ double MedianDistance(const CalibrationRecord& calibration, const CalibratedCame
 }
 
 // `self` of the central model.
-const CentralView& ViewOf(const CameraModel& model) {
-  return *static_cast<const CentralView*>(model.self);
-}
-
-}  // namespace
-
-CentralView::CentralView(const CalibrationRecord& calibration,
-                         const CalibratedCamera& camera,
-                         std::optional<double> distance)
-    : original_(camera) {
-  if (camera.model->IsCentral() || camera.model->plenoptic) return;
-  if (distance) RequireWithin("distance", *distance, 1e-3, std::numeric_limits<double>::infinity());
-  inverse_distance_ = 1 / (distance ? *distance : MedianDistance(calibration, camera));
-  model_ = *camera.model;
-  model_.centre = Centre::kPoint;
-  model_.homogeneous = true;
-  model_.self = this;
-  model_.functions = {
-      .project = &Project, .project_with_jacobian = &ProjectWithJacobian, .unproject = &Unproject};
-  camera_ = camera;
-  camera_.model = &model_;
-  FindLargestError();
+const RaysAtDistance& RaysOf(const CameraModel& model) {
+  return *static_cast<const RaysAtDistance*>(model.self);
 }
 
 // The point (p / |p|, 1 / distance) on the ray of the original.
-bool CentralView::Project(const CameraModel& model,
-                          const double* params,
-                          const double* config,
-                          const double* values,
-                          const Eigen::Vector3d& p,
-                          double /*h*/,
-                          double* predicted) {
-  const CentralView& view = ViewOf(model);
-  return view.original_.model->Project(
-      params, config, values, p.stableNormalized(), predicted, view.inverse_distance_);
+bool ProjectAtDistance(const CameraModel& model,
+                       const double* params,
+                       const double* config,
+                       const double* values,
+                       const Eigen::Vector3d& p,
+                       double /*h*/,
+                       double* predicted) {
+  const RaysAtDistance& rays = RaysOf(model);
+  return rays.model->Project(
+      params, config, values, p.stableNormalized(), predicted, rays.inverse_distance);
 }
 
-bool CentralView::ProjectWithJacobian(const CameraModel& model,
-                                      const double* params,
-                                      const double* config,
-                                      const double* values,
-                                      const Eigen::Vector3d& p,
-                                      double /*h*/,
-                                      const ProjectionOutput& out) {
-  const CentralView& view = ViewOf(model);
+bool DifferentiateAtDistance(const CameraModel& model,
+                             const double* params,
+                             const double* config,
+                             const double* values,
+                             const Eigen::Vector3d& p,
+                             double /*h*/,
+                             const ProjectionOutput& out) {
+  const RaysAtDistance& rays = RaysOf(model);
   const double length = p.stableNorm();
   const Eigen::Vector3d unit = p / length;
-  if (!view.original_.model->ProjectWithJacobian(
-          params, config, values, unit, out, view.inverse_distance_)) {
+  if (!rays.model->ProjectWithJacobian(params, config, values, unit, out, rays.inverse_distance)) {
     return false;
   }
   for (size_t r = 0; r < model.measured.size(); ++r) {
@@ -99,19 +78,40 @@ bool CentralView::ProjectWithJacobian(const CameraModel& model,
   return true;
 }
 
-std::optional<Ray> CentralView::Unproject(const CameraModel& model,
-                                          const double* params,
-                                          const double* config,
-                                          const double* values) {
-  const CentralView& view = ViewOf(model);
-  const std::optional<Ray> ray = view.original_.model->Unproject(params, config, values);
+std::optional<Ray> UnprojectToDistance(const CameraModel& model,
+                                       const double* params,
+                                       const double* config,
+                                       const double* values) {
+  const RaysAtDistance& rays = RaysOf(model);
+  const std::optional<Ray> ray = rays.model->Unproject(params, config, values);
   if (!ray) return std::nullopt;
   // lambda >= 0 with |h origin + lambda direction| = 1.
-  const Eigen::Vector3d o = view.inverse_distance_ * ray->origin;
+  const Eigen::Vector3d o = rays.inverse_distance * ray->origin;
   const double along = o.dot(ray->direction), rest = 1 - o.squaredNorm() + along * along;
   if (!(rest > 0)) return std::nullopt;
   return Ray{Eigen::Vector3d::Zero(),
              (o + (std::sqrt(rest) - along) * ray->direction).normalized()};
+}
+
+}  // namespace
+
+CentralView::CentralView(const CalibrationRecord& calibration,
+                         const CalibratedCamera& camera,
+                         std::optional<double> distance)
+    : original_(camera) {
+  if (distance) RequireWithin("distance", *distance, 1e-3, std::numeric_limits<double>::infinity());
+  if (camera.model->IsCentral() || camera.model->plenoptic) return;
+  rays_ = {camera.model, 1 / (distance ? *distance : MedianDistance(calibration, camera))};
+  model_ = *camera.model;
+  model_.centre = Centre::kPoint;
+  model_.homogeneous = true;
+  model_.self = &rays_;
+  model_.functions = {.project = &ProjectAtDistance,
+                      .project_with_jacobian = &DifferentiateAtDistance,
+                      .unproject = &UnprojectToDistance};
+  camera_ = camera;
+  camera_.model = &model_;
+  FindLargestError();
 }
 
 void CentralView::FindLargestError() {
@@ -120,14 +120,15 @@ void CentralView::FindLargestError() {
     for (int column = 0; column <= kSteps; ++column) {
       const double u[kMaxObservationSize] = {(camera_.image_size[0] - 1.0) * column / kSteps,
                                              (camera_.image_size[1] - 1.0) * row / kSteps};
-      const auto ray = plenocal::Unproject(original_, u);
+      const auto ray = Unproject(original_, u);
       if (!ray) continue;
-      for (const double inverse : inverse_distance_ > 0
-                                      ? std::vector{inverse_distance_ / 2, inverse_distance_ * 2}
-                                      : std::vector{1.0}) {
+      for (const double inverse :
+           rays_.inverse_distance > 0
+               ? std::vector{rays_.inverse_distance / 2, rays_.inverse_distance * 2}
+               : std::vector{1.0}) {
         const Eigen::Vector3d p = inverse * ray->origin + ray->direction;
         Eigen::Vector2d seen;
-        if (!plenocal::Project(camera_, u, p, seen.data())) continue;
+        if (!Project(camera_, u, p, seen.data())) continue;
         largest_error_ = std::max(largest_error_, (seen - Eigen::Vector2d(u[0], u[1])).norm());
       }
     }
@@ -135,10 +136,11 @@ void CentralView::FindLargestError() {
 }
 
 std::string CentralView::DistanceText() const {
-  return inverse_distance_ > 0 ? fmt::format("{:.4g} m", 1 / inverse_distance_) : "infinite";
+  return rays_.inverse_distance > 0 ? fmt::format("{:.4g} m", 1 / rays_.inverse_distance)
+                                    : "infinite";
 }
 
-Provenance CentralView::StatedIn(Provenance provenance) const {
+Provenance CentralView::WithDistance(Provenance provenance) const {
   if (camera_.model == nullptr) return provenance;
   const std::string stated = fmt::format("{} {}", camera_.name, DistanceText());
   if (provenance.empty() || provenance.back().first != kExactAt) {
@@ -158,7 +160,7 @@ void CentralView::Report(const Run& run) const {
       original_.model->name,
       DistanceText(),
       largest_error_,
-      inverse_distance_ > 0 ? "at half and at twice it" : "at 1 m"));
+      rays_.inverse_distance > 0 ? "at half and at twice it" : "at 1 m"));
 }
 
 }  // namespace plenocal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A camera without a single centre, taken as a central one: what a map of pixels to pixels needs.
+// A camera without a single centre, taken as a central one, as a map of pixels to pixels needs it.
 #pragma once
 
 #include <optional>
@@ -10,6 +10,12 @@
 #include "calib/files/calibration_record.h"
 
 namespace plenocal {
+
+/// What the functions of the central model need.
+struct RaysAtDistance {
+  const CameraModel* model = nullptr;  ///< of the original camera
+  double inverse_distance = 0;         ///< 1/m
+};
 
 /// A central camera whose ray of a pixel goes from the camera frame's origin to the point at
 /// `distance` on the ray of the original: exact for points at that distance.
@@ -28,41 +34,21 @@ class CentralView {
   [[nodiscard]] const CalibratedCamera& camera() const {
     return camera_.model == nullptr ? original_ : camera_;
   }
-  /// What is stated in a file of the view's results: for a camera that is not central, the
-  /// distance.
-  [[nodiscard]] Provenance StatedIn(Provenance provenance) const;
-  /// Of a camera that is not central a message: the distance, and `LargestError`.
+  /// `provenance` of results of the view, with the distance of a camera that is not central.
+  [[nodiscard]] Provenance WithDistance(Provenance provenance) const;
+  /// A message with the distance and `LargestError` of a camera that is not central.
   void Report(const Run& run) const;
   /// Largest error in the image of points at half and at twice the distance, at 1 m for an infinite
   /// one, px; 0 for a central camera.
   [[nodiscard]] double LargestError() const { return largest_error_; }
 
  private:
-  // Those of the central model.
-  static bool Project(const CameraModel& model,
-                      const double* params,
-                      const double* config,
-                      const double* values,
-                      const Eigen::Vector3d& p,
-                      double h,
-                      double* predicted);
-  static bool ProjectWithJacobian(const CameraModel& model,
-                                  const double* params,
-                                  const double* config,
-                                  const double* values,
-                                  const Eigen::Vector3d& p,
-                                  double h,
-                                  const ProjectionOutput& out);
-  static std::optional<Ray> Unproject(const CameraModel& model,
-                                      const double* params,
-                                      const double* config,
-                                      const double* values);
   [[nodiscard]] std::string DistanceText() const;
   void FindLargestError();
 
   const CalibratedCamera& original_;
-  CameraModel model_ = {};       // of `camera_`
-  double inverse_distance_ = 0;  // 1/m
+  RaysAtDistance rays_ = {};
+  CameraModel model_ = {};  // of `camera_`
   CalibratedCamera camera_ = {};
   double largest_error_ = 0;  // px
 };

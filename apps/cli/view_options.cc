@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -29,11 +28,10 @@ void AddViewOptions(CLI::App* app, ViewOptions* view) {
 
 void AddDistance(CLI::App* app, std::optional<double>* distance) {
   app->add_option(
-         "--distance",
-         *distance,
-         "of a camera without a single centre (pupil): distance, m, at which the result is "
-         "exact (default: the target's)")
-      ->check(CLI::Range(1e-3, std::numeric_limits<double>::infinity()));
+      "--distance",
+      *distance,
+      "m, at which the result is exact for a camera without a single centre (model with "
+      "pupil; default: the target's)");
 }
 
 void AddResampleOptions(CLI::App* app, ResampleSettings* resample) {

@@ -11,10 +11,9 @@
 
 namespace plenocal {
 
-/// Declares `--size`, `--fov` and `--balance`.
+/// Declares `--size`, `--fov`, `--balance` and `--distance`.
 void AddViewOptions(CLI::App* app, ViewOptions* view);
-
-/// --distance of `CentralView`.
+/// Declares `--distance`, that of `CentralView`.
 void AddDistance(CLI::App* app, std::optional<double>* distance);
 /// Declares `--interpolation`, `--bayer`, `--keep-vignetting`, `--photometric` and `--mask`.
 void AddResampleOptions(CLI::App* app, ResampleSettings* resample);

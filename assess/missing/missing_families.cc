@@ -31,9 +31,9 @@ struct Family {
   const char* advice = nullptr;     // in place of a model
   /// Fields, 2 n x q in units of f: rows x, y of each point.
   std::function<Eigen::MatrixXd(const Plane& m)> fields = nullptr;
-  /// In its place fields of the points in space, in units of the noise.
+  /// In place of `fields`: fields that depend on the points in space, in units of the noise.
   Eigen::MatrixXd (*in_space)(const Bundle& bundle, size_t camera, const ViewRows& view) = nullptr;
-  /// Tested beside the fields of this family, the first, which it resembles and which is commoner.
+  /// The radial family (the first), which is commoner and resembles it, is an unknown of its test.
   bool beside_radial = false;
 };
 

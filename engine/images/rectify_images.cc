@@ -96,9 +96,9 @@ StereoImages FindImages(const RectifyRequest& request, const Cameras& cameras) {
   return {FindImageInputs({request.left}, "images"), FindImageInputs({request.right}, "images")};
 }
 
-/// Reports at which distance a camera without a single centre is exact. Rows that differ by more
-/// with the distance are no rectified pair, unless the user has chosen one.
-void RequireOneView(const CentralView& view, const RectifyRequest& request, const Run& run) {
+/// Reports the distance at which the view is exact. Refuses a camera whose rows at other distances
+/// are far from those at the target's, unless the user has chosen the distance.
+void CheckDistance(const CentralView& view, const RectifyRequest& request, const Run& run) {
   constexpr double kMost = 1;  // px
   view.Report(run);
   if (request.view.distance || !(view.LargestError() > kMost)) return;
@@ -187,7 +187,7 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
   const Cameras chosen = ChooseCameras(calibration, request.cameras);
   const CentralView first(calibration, *chosen[0], request.view.distance),
       second(calibration, *chosen[1], request.view.distance);
-  for (const CentralView* view : {&first, &second}) RequireOneView(*view, request, run);
+  for (const CentralView* view : {&first, &second}) CheckDistance(*view, request, run);
   const Cameras cameras{&first.camera(), &second.camera()};
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   const StereoImages images = KeepPairs(FindImages(request, cameras), run);
@@ -221,10 +221,10 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
     }
   }
   out.Write("calibration.yaml",
-            GivenCamerasYaml(
-                made.pair.views,
-                second.StatedIn(first.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
-                                                {"rectified_from", calibration.path.string()}}))));
+            GivenCamerasYaml(made.pair.views,
+                             second.WithDistance(first.WithDistance(
+                                 {{"plenocal_version", PLENOCAL_VERSION},
+                                  {"rectified_from", calibration.path.string()}}))));
   out.Write("rectification.yaml", RectificationText(made.pair));
   WritePreviews(images, encoded, &out);
   out.Commit();

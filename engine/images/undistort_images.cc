@@ -62,7 +62,7 @@ UndistortedImages UndistortOrdinary(const UndistortJob& job) {
                        {job.calibration, job.camera, map, job.request.settings, /*prefix=*/""},
                        job.run,
                        &out);
-  return Finish(job, view, map, count, central.StatedIn(ProvenanceOf(job)), &out);
+  return Finish(job, view, map, count, central.WithDistance(ProvenanceOf(job)), &out);
 }
 
 constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `plenocal focus`

@@ -21,7 +21,7 @@ struct ViewOptions {
   /// the cameras' whole images; values between interpolate. As alpha of
   /// cv::getOptimalNewCameraMatrix and balance of cv::fisheye, but with square pixels.
   std::optional<double> balance;
-  /// For cameras without a single centre: `CentralView`.
+  /// Of cameras without a single centre: where the view is exact, m (`CentralView`).
   std::optional<double> distance = std::nullopt;
 };
 
@@ -37,8 +37,7 @@ struct SeenImage {
   Eigen::Matrix3d R_view_camera = Eigen::Matrix3d::Identity();
 };
 
-/// The image of an ordinary camera, which must outlive the result. Throws `Error` of kind kInput
-/// for a camera that is not ordinary.
+/// The image of a central camera, which must outlive the result. Throws as `RequireCentral`.
 SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_camera);
 
 /// The one `pinhole` camera for all of `images`, without name and pose.
@@ -50,7 +49,7 @@ SeenImage ImageOf(const CalibratedCamera& camera, const Eigen::Matrix3d& R_view_
 /// a plane image.
 CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOptions& options);
 
-/// The pinhole camera for an ordinary one, with its name and pose. Throws `Error` as `ImageOf` and
+/// The pinhole camera for a central one, with its name and pose. Throws `Error` as `ImageOf` and
 /// `ChoosePinhole`.
 CalibratedCamera UndistortedView(const CalibratedCamera& camera, const ViewOptions& options);
 

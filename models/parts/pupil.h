@@ -29,9 +29,9 @@ struct Pupil {
       Param{.name = "e_2", .unit = "m", .scale = 0.0008, .neutral = 0}};
   static constexpr std::array kExample{0.002, -0.0004, 0.0001};
 
-  /// z_p sin(theta), m.
+  /// z_p sin(theta), the distance of the ray from the origin, m.
   template <typename T>
-  static T AxisHeight(const T* e, const T& theta) {
+  static T RayOffset(const T* e, const T& theta) {
     using std::sin;
     const T q = theta * theta;
     return (theta - sin(theta)) * (e[0] + q * (e[1] + q * e[2]));

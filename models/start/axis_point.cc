@@ -6,10 +6,10 @@
 namespace plenocal {
 namespace {
 
-// w of the header and its derivatives, and z_p with those by the angle and the parameters.
+// z_p and w of the header for one ray, with derivatives by its angle and the parameters.
 struct AxisPoint {
   AxisPoint(const LensPart& part, const double* a, double theta) {
-    w = part.axis_height(a, theta, &w_by_theta, w_by_a.data());
+    w = part.ray_offset(a, theta, &w_by_theta, w_by_a.data());
     const double sine = std::sin(theta);
     if (!(sine > 0)) return;  // on the axis
     z_p = w / sine;

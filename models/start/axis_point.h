@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cameras of which each ray meets the optical axis in a point of its own, by its angle from the
-// axis: an entrance pupil that moves, a flat port.
+// Cameras whose rays meet the optical axis in points that depend on the rays' angles from it: an
+// entrance pupil that moves, a flat port.
 //
-// With r = |(X, Y)| of the point (X, Y, Z) / h and z_p(theta), the axis point of a ray at the angle
-// theta, the point's ray is where
+// The ray at the angle theta meets the axis in (0, 0, z_p(theta)). With r = |(X, Y)|, the ray
+// through the point (X, Y, Z) / h has the theta of
 //
 //   r cos(theta) - Z sin(theta) + h w(theta) = 0,     w = z_p sin(theta)
 //

@@ -12,7 +12,7 @@
 // `Map` is false outside the domain. In place of both, a part that moves the rays' origins along
 // the optical axis has (models/start/axis_point.h)
 //   static constexpr double kLargestAngle;   rad from the axis, where it ends
-//   template <typename T> static T AxisHeight(const T* a, const T& theta);
+//   template <typename T> static T RayOffset(const T* a, const T& theta);
 #pragma once
 
 #include <array>
@@ -36,10 +36,11 @@ struct LensPart {
   /// `map` with derivatives by m_x, m_y and the parameters: 2 x (2 + n), by rows.
   bool (*map_with_jacobian)(const double* a, const double* m, double* mapped, double* J) = nullptr;
   std::optional<Eigen::Vector2d> (*unmap)(const double* a, const Eigen::Vector2d& mapped) = nullptr;
-  /// Of a part that moves the rays' origins, which has no `map`: z_p sin(theta) of the ray at the
-  /// angle theta, m, with derivatives by theta and the parameters.
-  double (*axis_height)(const double* a, double theta, double* by_theta, double* by_a) = nullptr;
-  double largest_angle = 0;  ///< of `axis_height`, rad
+  /// Of a part that moves the rays along the axis, which has no `map`: the distance z_p sin(theta)
+  /// of the ray at the angle theta from the frame's origin, m, with derivatives by theta and the
+  /// parameters.
+  double (*ray_offset)(const double* a, double theta, double* by_theta, double* by_a) = nullptr;
+  double largest_angle = 0;  ///< of `ray_offset`, rad
 };
 
 namespace internal {
@@ -65,15 +66,15 @@ template <typename P>
 }
 
 template <typename P>
-double DifferentiateHeight(const double* a, double theta, double* by_theta, double* by_a) {
+double DifferentiateOffset(const double* a, double theta, double* by_theta, double* by_a) {
   constexpr int n = static_cast<int>(P::kParams.size());
   using Jet = ceres::Jet<double, n + 1>;
   std::array<Jet, n> a_jet;
   for (int i = 0; i < n; ++i) a_jet[static_cast<size_t>(i)] = Jet(a[i], 1 + i);
-  const Jet height = P::AxisHeight(a_jet.data(), Jet(theta, 0));
-  *by_theta = height.v[0];
-  for (int i = 0; i < n; ++i) by_a[i] = height.v[1 + i];
-  return height.a;
+  const Jet offset = P::RayOffset(a_jet.data(), Jet(theta, 0));
+  *by_theta = offset.v[0];
+  for (int i = 0; i < n; ++i) by_a[i] = offset.v[1 + i];
+  return offset.a;
 }
 
 }  // namespace internal
@@ -84,7 +85,7 @@ constexpr LensPart MakeLensPart() {
   LensPart part{
       .name = P::kName, .source = P::kSource, .params = P::kParams, .example = P::kExample};
   if constexpr (requires { P::kLargestAngle; }) {
-    part.axis_height = &internal::DifferentiateHeight<P>;
+    part.ray_offset = &internal::DifferentiateOffset<P>;
     part.largest_angle = P::kLargestAngle;
   } else {
     part.map = [](const double* a, const double* m, double* mapped) {

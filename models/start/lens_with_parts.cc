@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 #include <mutex>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -82,106 +83,112 @@ bool Project(const CameraModel& model,
 
 using Rows = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, kMostColumns>;
 
-// m behind the lens, with derivatives by p, h, the lens' parameters (of its support where it has
-// one) and those of the part for the rays' origins.
-struct LensImage {
-  Eigen::Vector2d m;
-  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_p;
-  Eigen::Vector2d by_h;
+// A point on its way through lens and parts: its place m in the plane at distance 1, with
+// derivatives by p and h and, where they are needed, by the parameters of `Combination::Columns`.
+class DifferentiatedPoint {
+ public:
+  DifferentiatedPoint(const Combination& of, const double* params, bool by_params)
+      : of_(of), params_(params), by_params_(by_params) {
+    if (by_params) J_.setZero(2, of.Columns());
+  }
+
+  bool ThroughLens(const double* config, const double* values, const Eigen::Vector3d& p, double h) {
+    const std::optional<ShiftedPoint> at_lens = AtLens(of_, params_ + of_.lens.params.size(), p, h);
+    const Eigen::Index columns = of_.LensColumns();
+    Rows of_lens(2, by_params_ ? columns : 0);
+    const ProjectionOutput out{.predicted = m_.data(),
+                               .J_params = by_params_ ? of_lens.data() : nullptr,
+                               .J_point = by_p_.data(),
+                               .support = of_.lens.support_size > 0 ? support_.data() : nullptr};
+    if (!at_lens || !of_.lens.ProjectWithJacobian(params_, config, values, at_lens->p, out)) {
+      return false;
+    }
+    for (int r = 0; r < 2; ++r) {
+      m_[r] = (m_[r] - params_[2 + r]) / params_[r];
+      by_p_.row(r) /= params_[r];
+      of_lens.row(r) /= params_[r];
+    }
+    const Eigen::Vector2d by_z = by_p_.col(2);
+    by_h_ = by_z * at_lens->z_by_h;
+    by_p_.col(2).setZero();
+    by_p_ += by_z * at_lens->z_by_p;
+    if (!by_params_) return true;
+    J_.middleCols(4, columns - 4) = of_lens.rightCols(columns - 4);
+    for (size_t i = 0; i < of_.AxialCount(); ++i) {
+      J_.col(columns + static_cast<Eigen::Index>(i)) = by_z * at_lens->z_by_a[i];
+    }
+    return true;
+  }
+
+  bool ThroughParts() {
+    const double* a = params_ + of_.lens.params.size() + of_.AxialCount();
+    Eigen::Vector2d next;
+    Eigen::Index done = of_.LensColumns() + static_cast<Eigen::Index>(of_.AxialCount());
+    for (const LensPart* part : of_.parts) {
+      const auto n = static_cast<Eigen::Index>(part->params.size());
+      Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, 2 + kMostPartParams> own(2,
+                                                                                            2 + n);
+      if (!part->map_with_jacobian(a, m_.data(), next.data(), own.data())) return false;
+      const Eigen::Matrix2d by_m = own.leftCols<2>();
+      m_ = next;
+      by_p_ = (by_m * by_p_).eval();
+      by_h_ = (by_m * by_h_).eval();
+      if (by_params_) {
+        J_.middleCols(4, done - 4) = (by_m * J_.middleCols(4, done - 4)).eval();
+        J_.middleCols(done, n) = own.rightCols(n);
+      }
+      done += n;
+      a += n;
+    }
+    return true;
+  }
+
+  // Through focal lengths and principal point into the image.
+  bool Write(const ProjectionOutput& out) {
+    for (int r = 0; r < 2; ++r) {
+      out.predicted[r] = params_[r] * m_[r] + params_[2 + r];
+      Eigen::Map<Eigen::RowVector3d>(out.J_point + 3 * r) = params_[r] * by_p_.row(r);
+      if (out.J_h != nullptr) out.J_h[r] = params_[r] * by_h_[r];
+      if (!by_params_) continue;
+      J_.row(r) *= params_[r];
+      J_(r, r) = m_[r];
+      J_(r, 2 + r) = 1;
+    }
+    if (by_params_) WriteParams(out);
+    return std::isfinite(out.predicted[0]) && std::isfinite(out.predicted[1]);
+  }
+
+ private:
+  // By the parameters of the support; where `out.support` is null, by all.
+  void WriteParams(const ProjectionOutput& out) {
+    const auto columns = static_cast<size_t>(J_.cols());
+    if (of_.lens.support_size == 0) {
+      std::copy_n(J_.data(), 2 * columns, out.J_params);
+      return;
+    }
+    std::iota(support_.begin() + of_.LensColumns(), support_.end(), of_.lens.params.size());
+    if (out.support != nullptr) {
+      std::copy_n(support_.begin(), columns, out.support);
+      std::copy_n(J_.data(), 2 * columns, out.J_params);
+      return;
+    }
+    const size_t width = of_.params.size();
+    std::fill_n(out.J_params, 2 * width, 0.0);
+    for (size_t r = 0; r < 2; ++r) {
+      for (size_t k = 0; k < columns; ++k) {
+        out.J_params[r * width + support_[k]] = J_.data()[r * columns + k];
+      }
+    }
+  }
+
+  const Combination& of_;
+  const double* params_;
+  bool by_params_;
+  Eigen::Vector2d m_, by_h_;
+  Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_p_;
+  Rows J_;
+  std::array<size_t, kMostColumns> support_;  // of the lens, then of the parts
 };
-
-bool DifferentiateLens(const Combination& of,
-                       const double* params,
-                       const double* config,
-                       const double* values,
-                       const Eigen::Vector4d& p_h,
-                       size_t* support,
-                       LensImage* image,
-                       Rows* by_params) {
-  const size_t count = of.lens.params.size();
-  const std::optional<ShiftedPoint> at_lens = AtLens(of, params + count, p_h.head<3>(), p_h[3]);
-  Rows own(2, by_params != nullptr ? of.LensColumns() : 0);
-  const ProjectionOutput out{.predicted = image->m.data(),
-                             .J_params = by_params != nullptr ? own.data() : nullptr,
-                             .J_point = image->by_p.data(),
-                             .support = support};
-  if (!at_lens || !of.lens.ProjectWithJacobian(params, config, values, at_lens->p, out)) {
-    return false;
-  }
-  for (int r = 0; r < 2; ++r) {
-    image->m[r] = (image->m[r] - params[2 + r]) / params[r];
-    image->by_p.row(r) /= params[r];
-    if (by_params != nullptr) own.row(r) /= params[r];
-  }
-  const Eigen::Vector2d by_z = image->by_p.col(2);
-  image->by_h = by_z * at_lens->z_by_h;
-  image->by_p.col(2).setZero();
-  image->by_p += by_z * at_lens->z_by_p;
-  if (by_params == nullptr) return true;
-  const Eigen::Index lens_columns = own.cols();
-  by_params->middleCols(4, lens_columns - 4) = own.rightCols(lens_columns - 4);
-  for (size_t i = 0; i < of.AxialCount(); ++i) {
-    by_params->col(lens_columns + static_cast<Eigen::Index>(i)) = by_z * at_lens->z_by_a[i];
-  }
-  return true;
-}
-
-// J by the parameters of the support; where `out.support` is null, by all.
-void WriteSupported(const Combination& of,
-                    std::span<const size_t> support,
-                    const Rows& J,
-                    const ProjectionOutput& out) {
-  const auto columns = static_cast<size_t>(J.cols());
-  if (out.support != nullptr) {
-    std::copy_n(support.begin(), columns, out.support);
-    std::copy_n(J.data(), 2 * columns, out.J_params);
-    return;
-  }
-  const size_t width = of.params.size();
-  std::fill_n(out.J_params, 2 * width, 0.0);
-  for (size_t r = 0; r < 2; ++r) {
-    for (size_t k = 0; k < columns; ++k) {
-      out.J_params[r * width + support[k]] =
-          J(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(k));
-    }
-  }
-}
-
-// By `Combination::Columns`.
-bool DifferentiateColumns(const Combination& of,
-                          const double* params,
-                          const double* config,
-                          const double* values,
-                          const Eigen::Vector4d& p_h,
-                          size_t* support,
-                          LensImage* image,
-                          Rows* J) {
-  if (!DifferentiateLens(of, params, config, values, p_h, support, image, J)) return false;
-  const double* a = params + of.lens.params.size() + of.AxialCount();
-  Eigen::Vector2d next;
-  Eigen::Index done = of.LensColumns() + static_cast<Eigen::Index>(of.AxialCount());
-  for (const LensPart* part : of.parts) {
-    const auto n = static_cast<Eigen::Index>(part->params.size());
-    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor, 2, 2 + kMostPartParams> own(2, 2 + n);
-    if (!part->map_with_jacobian(a, image->m.data(), next.data(), own.data())) return false;
-    const Eigen::Matrix2d by_m = own.leftCols<2>();
-    image->m = next;
-    image->by_p = (by_m * image->by_p).eval();
-    image->by_h = (by_m * image->by_h).eval();
-    if (J != nullptr) {
-      J->middleCols(4, done - 4) = (by_m * J->middleCols(4, done - 4)).eval();
-      J->middleCols(done, n) = own.rightCols(n);
-    }
-    done += n;
-    a += n;
-  }
-  for (int r = 0; J != nullptr && r < 2; ++r) {
-    J->row(r) *= params[r];
-    (*J)(r, r) = image->m[r];
-    (*J)(r, 2 + r) = 1;
-  }
-  return true;
-}
 
 bool ProjectWithJacobian(const CameraModel& model,
                          const double* params,
@@ -190,39 +197,8 @@ bool ProjectWithJacobian(const CameraModel& model,
                          const Eigen::Vector3d& p,
                          double h,
                          const ProjectionOutput& out) {
-  const Combination& of = Of(model);
-  const bool by_params = out.J_params != nullptr;
-  const Eigen::Index columns = of.Columns();
-  Rows J = Rows::Zero(2, by_params ? columns : 0);
-  LensImage image;
-  std::array<size_t, kMostColumns> support;
-  if (!DifferentiateColumns(of,
-                            params,
-                            config,
-                            values,
-                            {p.x(), p.y(), p.z(), h},
-                            of.lens.support_size > 0 ? support.data() : nullptr,
-                            &image,
-                            by_params ? &J : nullptr)) {
-    return false;
-  }
-  for (int r = 0; r < 2; ++r) {
-    out.predicted[r] = params[r] * image.m[r] + params[2 + r];
-    Eigen::Map<Eigen::RowVector3d>(out.J_point + 3 * r) = params[r] * image.by_p.row(r);
-    if (out.J_h != nullptr) out.J_h[r] = params[r] * image.by_h[r];
-  }
-  const bool finite = std::isfinite(out.predicted[0]) && std::isfinite(out.predicted[1]);
-  if (!by_params || !finite) return finite;
-  if (of.lens.support_size == 0) {
-    std::copy_n(J.data(), 2 * columns, out.J_params);
-    return true;
-  }
-  for (auto k = of.LensColumns(); k < columns; ++k) {
-    support[static_cast<size_t>(k)] =
-        of.lens.params.size() + static_cast<size_t>(k - of.LensColumns());
-  }
-  WriteSupported(of, support, J, out);
-  return true;
+  DifferentiatedPoint point(Of(model), params, out.J_params != nullptr);
+  return point.ThroughLens(config, values, p, h) && point.ThroughParts() && point.Write(out);
 }
 
 std::optional<Ray> Unproject(const CameraModel& model,
@@ -249,38 +225,23 @@ std::optional<Ray> Unproject(const CameraModel& model,
   return ray;
 }
 
-// The lens' share of a problem.
-struct LensProblem {
-  LensProblem(const Combination& of, const StartProblem& whole) : problem(whole) {
-    const size_t count = of.lens.params.size();
-    problem.given = whole.given.first(std::min(count, whole.given.size()));
-    problem.rules = whole.rules.first(std::min(count, whole.rules.size()));
-    if (whole.fixed == nullptr) return;
-    fixed.assign(
-        whole.fixed->begin(),
-        whole.fixed->begin() + static_cast<std::ptrdiff_t>(std::min(count, whole.fixed->size())));
-    problem.fixed = &fixed;
-  }
-  LensProblem(const LensProblem&) = delete;
-  LensProblem& operator=(const LensProblem&) = delete;
-
-  StartProblem problem;
-  std::vector<bool> fixed;
-};
-
-std::vector<double> PriorSigmas(const CameraModel& model, const StartProblem& problem) {
-  const Combination& of = Of(model);
-  std::vector<double> sigmas = of.lens.PriorSigmas(LensProblem(of, problem).problem);
-  sigmas.resize(of.params.size(), 0.0);
-  return sigmas;
-}
-
 // Those of the lens, with parts that have no effect.
 std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& problem) {
   const Combination& of = Of(model);
-  std::vector<StartCandidate> candidates = of.lens.Start(LensProblem(of, problem).problem);
+  const size_t count = of.lens.params.size();
+  StartProblem of_lens = problem;
+  of_lens.given = problem.given.first(std::min(count, problem.given.size()));
+  of_lens.rules = problem.rules.first(std::min(count, problem.rules.size()));
+  std::vector<bool> fixed;
+  if (problem.fixed != nullptr) {
+    fixed.assign(problem.fixed->begin(),
+                 problem.fixed->begin() +
+                     static_cast<std::ptrdiff_t>(std::min(count, problem.fixed->size())));
+    of_lens.fixed = &fixed;
+  }
+  std::vector<StartCandidate> candidates = of.lens.Start(of_lens);
   for (StartCandidate& candidate : candidates) {
-    for (size_t i = of.lens.params.size(); i < of.params.size(); ++i) {
+    for (size_t i = count; i < of.params.size(); ++i) {
       const std::optional<double> given =
           i < problem.given.size() ? problem.given[i] : std::nullopt;
       candidate.params.push_back(given.value_or(*of.params[i].neutral));
@@ -323,7 +284,7 @@ std::shared_ptr<Combination> Combine(const CameraModel& lens, std::string_view n
   for (std::string_view rest = name.substr(lens.name.size() + 1);;) {
     const size_t plus = rest.find('+');
     const LensPart& part = PartNamed(rest.substr(0, plus), name);
-    if (part.axis_height == nullptr) {
+    if (part.ray_offset == nullptr) {
       made->parts.push_back(&part);
     } else if (made->params.size() == lens.params.size()) {
       made->axial = &part;
@@ -387,8 +348,7 @@ const CameraModel* WithParts(const CameraModel& lens, std::string_view name) {
                      .unproject = &Unproject,
                      .start = &Start,
                      .misfit = &CentralModel::JudgeFit,
-                     .remedy = &Remedy,
-                     .prior_sigmas = &PriorSigmas};
+                     .remedy = &Remedy};
   return &AddCameraModel(model, made, made->name);
 }
 

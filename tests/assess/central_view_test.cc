@@ -74,11 +74,11 @@ TEST(CentralView, IsExactAtItsDistance) {
 TEST(CentralView, StatesTheTargetsDistanceAndTheErrorAtOthers) {
   const CalibrationRecord record = WithPupil(0.004);
   const CentralView view(record, record.cameras[0], std::nullopt);
-  const Provenance stated = view.StatedIn({});
+  const Provenance stated = view.WithDistance({});
   ASSERT_EQ(stated.size(), 1);
   EXPECT_EQ(stated[0].first, "exact_at");
   EXPECT_EQ(stated[0].second, "left 1 m");
-  EXPECT_EQ(view.StatedIn(stated)[0].second, "left 1 m, left 1 m");  // of the second of a pair
+  EXPECT_EQ(view.WithDistance(stated)[0].second, "left 1 m, left 1 m");  // of the second of a pair
   // Of the corner, at half the distance: f z_p sin(theta) (1 / 0.5 - 1 / 1) in first order.
   const double theta = std::hypot(322 / 210.0, 243 / 212.0);
   const double z_p = (theta / std::sin(theta) - 1) * 0.004;
@@ -89,7 +89,7 @@ TEST(CentralView, OfACentralCameraIsTheCameraItself) {
   const CalibrationRecord record = RecordOf("equidistant", {210, 212, 322, 243});
   const CentralView view(record, record.cameras[0], std::nullopt);
   EXPECT_EQ(&view.camera(), &record.cameras[0]);
-  EXPECT_TRUE(view.StatedIn({}).empty());
+  EXPECT_TRUE(view.WithDistance({}).empty());
   EXPECT_EQ(view.LargestError(), 0);
 }
 

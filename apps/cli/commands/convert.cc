@@ -80,11 +80,12 @@ void RunConvert(const ConvertArguments& arguments, Console* console) {
                                    .covariance = {},
                                    .T_camera_rig = camera.T_camera_rig};
   OutputFolder out(arguments.out);
-  out.Write("calibration.yaml",
-            GivenCamerasYaml(std::array{converted},
-                             central.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
-                                               {"converted_from", arguments.calibration.string()},
-                                               {"model", std::string(camera.model->name)}})));
+  out.Write(
+      "calibration.yaml",
+      GivenCamerasYaml(std::array{converted},
+                       central.WithDistance({{"plenocal_version", PLENOCAL_VERSION},
+                                             {"converted_from", arguments.calibration.string()},
+                                             {"model", std::string(camera.model->name)}})));
   out.Write("conversion_errors.csv", errors);
   out.Write("conversion_errors.png", ConversionPicture(camera, *model, conversion));
   out.Commit();

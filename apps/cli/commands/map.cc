@@ -37,10 +37,10 @@ void RunMap(const MapArguments& arguments, Console* console) {
   if (storage) {
     WriteOutput(arguments.out, files.begin()->second);
   } else {
-    files["calibration.yaml"] =
-        GivenCamerasYaml(std::array{view},
-                         central.StatedIn({{"plenocal_version", PLENOCAL_VERSION},
-                                           {"undistorted_from", arguments.calibration.string()}}));
+    files["calibration.yaml"] = GivenCamerasYaml(
+        std::array{view},
+        central.WithDistance({{"plenocal_version", PLENOCAL_VERSION},
+                              {"undistorted_from", arguments.calibration.string()}}));
     WriteInto(arguments.out, {files.begin(), files.end()});
   }
   central.Report(console->NewRun());
