@@ -129,10 +129,22 @@ def aria(plenocal, random, place, name):
     return camera, points, np.array([theirs.project_no_checks(p) for p in points])
 
 
+def cahvore(plenocal, random, place, name):
+    """Without import: mrcal's projection takes all points as if they were at distance 1."""
+    import mrcal
+    linearity = {"CAHVORE, linearity 0": 0, "CAHVORE, linearity 1": 1}[name]
+    numbers, e, r = intrinsics(random), random.uniform(-0.01, 0.01, 3), random.uniform(-0.05, 0.05, 2)
+    camera = plenocal.Camera(("equidistant", "pinhole")[linearity] + "+pupil+radial2", (WIDTH, HEIGHT), [*numbers, *e, *r])
+    points = directions(random, 55)
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return camera, points, mrcal.project(points, f"LENSMODEL_CAHVORE_linearity={linearity}.00", np.array([*numbers, 0, 0, 0, *r, *e]))
+
+
 PROGRAMS = {
     "COLMAP (pycolmap)": ("pycolmap", colmap, list(COLMAP)),
     "Project Aria (projectaria-tools)": ("projectaria_tools", aria, list(ARIA)),
     "OpenCV": ("cv2", opencv14, ["14 coefficients"]),
+    "mrcal": ("mrcal", cahvore, ["CAHVORE, linearity 0", "CAHVORE, linearity 1"]),
     "OpenCV contrib": ("cv2.omnidir", omnidir, ["omnidir, Kalibr omni-radtan"]),
 }
 

@@ -181,6 +181,8 @@ ONE = ["parameters", "joint", "point noise"]
 for name, title, rows, runs, quick, options in [
         ("ordinary", "one camera, 15 frames of a chessboard", [*ONE, "noise"], 200, 40, {}),
         ("fisheye", "one fisheye (kannala-brandt4), 15 frames", ONE, 200, 40, {"model": "kannala-brandt4"}),
+        ("pupil", "one fisheye with a moving pupil (kannala-brandt4+pupil), 30 frames", ONE, 200, 40,
+         {"model": "kannala-brandt4+pupil", "frames": 30}),
         ("few frames", "one camera, 4 frames", ONE, 200, 40, {"frames": 4}),
         ("outliers 5 %", "one camera, 5 % outliers of 3 to 40 px", ONE, 200, 40, {"measure": {"outliers": 0.05}}),
         ("outliers 20 %", "one camera, 20 % outliers of 3 to 40 px", ONE, 200, 40, {"measure": {"outliers": 0.2}}),

@@ -35,13 +35,26 @@ LENSES = {  # distortion of a typical lens, largest tangent or angle off the axi
     "pinhole-radial3": ({"A_0": -0.2, "A_1": 0.06, "A_2": -0.01}, 1.1),
     "pinhole-radtan": ({"k_1": -0.21, "k_2": 0.07, "p_1": 4e-4, "p_2": -6e-4, "k_3": -0.012}, 1.1),
     "kannala-brandt4": ({"k_1": -0.02, "k_2": 0.004, "k_3": -0.003, "k_4": 0.0007}, 1.35)}
+LENSES["kannala-brandt4+pupil"] = (LENSES["kannala-brandt4"][0] | {"e_0": 0.003, "e_1": -0.001, "e_2": 0.0005}, 1.35)
+
+
+def axis_point(p, X):
+    """z of the points of the axis through which the rays to X go: repeated substitution, not Newton's method."""
+    z_p = np.zeros(len(X))
+    for _ in range(60):
+        theta = np.arctan2(np.hypot(X[:, 0], X[:, 1]), X[:, 2] - z_p)
+        t2 = theta**2
+        z_p = (1 / np.sinc(theta / np.pi) - 1) * (p["e_0"] + t2 * (p["e_1"] + t2 * p["e_2"]))
+    return z_p
 
 
 def project(model, p, X):
     """Image points of X (n x 3, camera frame), NaN where the lens is not defined or not used."""
     x, y, z = X.T
+    if model.endswith("+pupil"):
+        z = z - axis_point(p, X)
     with np.errstate(all="ignore"):
-        if model == "kannala-brandt4":
+        if model.startswith("kannala-brandt4"):
             r = np.hypot(x, y)
             theta = reach = np.arctan2(r, z)
             t2 = theta**2

@@ -113,6 +113,9 @@ TEST(LensParts, PupilMovesTheRaysAlongTheAxis) {
   }
   const double beyond[kMaxObservationSize] = {320 + 400 * 2.62, 240};
   EXPECT_FALSE(model.Unproject(params.data(), nullptr, beyond));
+  double unseen[2];
+  EXPECT_FALSE(model.Project(
+      params.data(), nullptr, beyond, {std::sin(2.64), 0, std::cos(2.64)}, unseen));
   const DepthRange seen{.nearest = 0.5, .farthest = 0.7};
   const std::array<size_t, 1> focal{0}, pupil{4};
   EXPECT_THAT(model.Remedy(pupil, seen), HasSubstr("0.5 to 0.7 m: add frames that are nearer"));
