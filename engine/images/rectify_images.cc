@@ -100,13 +100,16 @@ StereoImages FindImages(const RectifyRequest& request, const Cameras& cameras) {
 /// are far from those at the target's, unless the user has chosen the distance.
 void CheckDistance(const CentralView& view, const RectifyRequest& request, const Run& run) {
   constexpr double kMost = 1;  // px
+  if (!request.view.distance && view.LargestError() > kMost) {
+    throw JobError(
+        "camera '{}': rays without a common origin move its pixels by up to {:.3g} px between half "
+        "and twice the target's distance, by more than {} px; choose by --distance where the pair "
+        "has to be exact",
+        view.camera().name,
+        view.LargestError(),
+        kMost);
+  }
   view.Report(run);
-  if (request.view.distance || !(view.LargestError() > kMost)) return;
-  throw JobError(
-      "camera '{}': rays without a common origin move its pixels by up to {:.2g} px between half "
-      "and twice the target's distance; choose by --distance where the pair has to be exact",
-      view.camera().name,
-      view.LargestError());
 }
 
 /// Images that belong together, with messages about those that do not.

@@ -255,9 +255,9 @@ std::string Remedy(const CameraModel& model, std::span<const size_t> weak, const
   const size_t first = of.lens.params.size(), end = first + of.AxialCount();
   if (std::ranges::none_of(weak, [&](size_t i) { return i >= first && i < end; })) return "";
   return fmt::format(
-      "Where rays start shows in how near points differ from far ones, and the target was seen at "
+      "Only points at different distances tell these parameters apart, and the target was seen at "
       "{:.3g} to {:.3g} m: add frames that are nearer, and frames that are farther; or keep all "
-      "but one of these parameters at 0 with 'fixed'.",
+      "but one of them at 0 with 'fixed'.",
       seen.nearest,
       seen.farthest);
 }

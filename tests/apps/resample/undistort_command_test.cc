@@ -257,6 +257,31 @@ TEST_F(Undistort, MosaicsBecomeColours) {
   EXPECT_EQ(middle[0], 0);
 }
 
+TEST_F(Undistort, CamerasWithoutASingleCentreAreExactAtADistance) {
+  const std::string camera =
+      "{model: equidistant+pupil, image_size: [160, 120], parameters: {f_x: 60, f_y: 60, c_x: 80, "
+      "c_y: 60, e_0: 0.02, e_1: 0, e_2: 0}";
+  Write("board.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.03\n");
+  Write("spec.yaml",
+        fmt::format("plenocal: 1\ntarget: board.yaml\ncameras:\n  left: {0}}}\n  right: {0}, "
+                    "xi_camera_rig: [-0.1, 0, 0, 0, 0, 0]}}\n"
+                    "poses: {{frames: 3, distance: [0.4, 0.4]}}\n",
+                    camera));
+  Done({"simulate", "spec.yaml", "--points", "-o", "set"});
+  const std::string calibration = "set/truth/calibration.yaml";
+  ExpectRefused(kJobFailed,
+                {"rectify", calibration, "-o", "out"},
+                {"camera 'left'", "by more than 1 px", "--distance"});
+  ExpectRefused(kWrongInput,
+                {"rectify", calibration, "-o", "out", "--distance", "-1"},
+                {"distance: expected a number from 0.001"});
+  Done({"rectify", calibration, "-o", "out", "--distance", "0.5"});
+  EXPECT_THAT(Read("out/calibration.yaml"), HasSubstr("exact_at: \"left 0.5 m, right 0.5 m\""));
+  EXPECT_THAT(
+      Done({"map", calibration, "--camera", "right", "-o", "map"}),
+      HasSubstr("camera 'right': equidistant+pupil has no single centre; the map is exact"));
+}
+
 TEST_F(Undistort, WhatCannotBeIsRefused) {
   SaveColours("a.png");
   SaveColours("b/a.png");
