@@ -96,10 +96,13 @@ TEST_P(FisheyeHeldOut, IsNoWorseThanTheReferenceWithoutStartValues) {
 
 INSTANTIATE_TEST_SUITE_P(Models,
                          FisheyeHeldOut,
-                         ::testing::Values("kannala-brandt4", "double-sphere"),
+                         ::testing::Values("kannala-brandt4",
+                                           "kannala-brandt4+pupil",
+                                           "double-sphere"),
                          [](const auto& test) {
-                           return test.param == std::string("double-sphere") ? "DoubleSphere"
-                                                                             : "KannalaBrandt4";
+                           std::string name = test.param;
+                           std::erase_if(name, [](char c) { return c == '-' || c == '+'; });
+                           return name;
                          });
 
 // Random cameras of one model, seen in noisy points.
