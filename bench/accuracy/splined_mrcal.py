@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Our `splined` beside mrcal's spline of the same knots, on the corners of corners_mrcal_figueroa.
+"""Our splines beside mrcal's spline of the same knots, on the corners of corners_mrcal_figueroa.
 
-    PLENOCAL_DATA=... bench/accuracy/splined_mrcal.py --program build/release/apps/plenocal
+    PLENOCAL_DATA=... bench/accuracy/splined_mrcal.py --program build/release/apps/plenocal [--models splined splined2-30x20]
 
 Both are calibrated from every second of the 186 frames. Each camera is then held and judged by the other frames: only
 poses and the target's markers (tolerance 2 mm) are free. Needs /usr/bin/python3 with mrcal (Debian's python3-mrcal).
@@ -21,8 +21,8 @@ SET = pathlib.Path(os.environ.get("PLENOCAL_DATA", "$PLENOCAL_DATA")).absolute()
 TARGET = {"type": "chessboard", "columns": 10, "rows": 10, "square": 0.077, "tolerance": 0.002}
 
 
-def write_session(folder, name, detections, parameters=None):
-    camera = {"model": "splined", "detections": detections, "image_size": [6016, 4016]}
+def write_session(folder, name, model, detections, parameters=None):
+    camera = {"model": model, "detections": detections, "image_size": [6016, 4016]}
     if parameters:
         camera |= {"initial": parameters, "fixed": list(parameters)}
     common.save(folder / name, {"target": "target.yaml", "cameras": {"cam": camera}, "options": {"refine_target": True}})
@@ -57,11 +57,13 @@ def calibrate_with_mrcal(folder, start):
 
 
 def main():
-    program = common.parser(__doc__).parse_args().program
+    parser = common.parser(__doc__)
+    parser.add_argument("--models", nargs="+", default=["splined"])
+    arguments = parser.parse_args()
     if not SET.is_dir():
         sys.exit(f"no folder {SET}: set PLENOCAL_DATA to the folder of the optional data sets (docs/data.md)")
     with common.folder() as folder:
-        run = lambda *command: common.run(program, *command, cwd=folder)
+        run = lambda *command: common.run(arguments.program, *command, cwd=folder)
         common.save(folder / "target.yaml", TARGET)
         run("import", SET / "corners.vnl", "--format", "mrcal-corners", "-o", "all")
         head, *rows = (folder / "all/detections_corners.csv").read_text().splitlines()
@@ -69,20 +71,21 @@ def main():
             mine = [row for row in rows if int(row.split(",")[0].removeprefix("frame")) % 2 == parity]
             (folder / f"{part}.csv").write_text("\n".join([head, *mine]) + "\n")
 
-        write_session(folder, "train.yaml", "train.csv")
-        begin = time.time()
-        run("calibrate", "train.yaml", "-o", "ours", "--no-report", "--threads", 1)
-        print(f"plenocal: {time.time() - begin:.1f} s, RMS {rms(folder, 'ours')[0]:.4f} px in sample")
-        run("export", "ours/calibration.yaml", "--format", "mrcal", "-o", "ours.cameramodel")
-        begin = time.time()
-        calibrate_with_mrcal(folder, "ours.cameramodel")
-        print(f"mrcal: {time.time() - begin:.1f} s from there")
-        run("import", "mrcal.cameramodel", "--format", "mrcal", "-o", "mrcal")
-        for result in ("ours", "mrcal"):
-            write_session(folder, "test.yaml", "test.csv", parameters(folder, result))
-            run("calibrate", "test.yaml", "-o", f"test_{result}", "--no-report")
-            value, used, rejected = rms(folder, f"test_{result}")
-            print(f"held out, {result:5}: RMS {value:.4f} px over {used} points, {rejected} rejected")
+        for model in arguments.models:
+            write_session(folder, "train.yaml", model, "train.csv")
+            begin = time.time()
+            run("calibrate", "train.yaml", "-o", "ours", "--no-report", "--threads", 1)
+            print(f"{model}: {time.time() - begin:.1f} s, RMS {rms(folder, 'ours')[0]:.4f} px in sample")
+            run("export", "ours/calibration.yaml", "--format", "mrcal", "-o", "ours.cameramodel")
+            begin = time.time()
+            calibrate_with_mrcal(folder, "ours.cameramodel")
+            print(f"mrcal: {time.time() - begin:.1f} s from there")
+            run("import", "mrcal.cameramodel", "--format", "mrcal", "-o", "mrcal")
+            for result in ("ours", "mrcal"):
+                write_session(folder, "test.yaml", model, "test.csv", parameters(folder, result))
+                run("calibrate", "test.yaml", "-o", f"test_{result}", "--no-report")
+                value, used, rejected = rms(folder, f"test_{result}")
+                print(f"held out, {result:5}: RMS {value:.4f} px over {used} points, {rejected} rejected", flush=True)
 
 
 if __name__ == "__main__":

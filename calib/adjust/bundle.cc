@@ -85,8 +85,10 @@ std::vector<ParamPrior> ParamPriors(const BundleState& bundle) {
       const auto& prior = camera.rules[k].prior;
       if (prior) priors.push_back({{{bundle.Root(c, k)}}, prior->value, prior->sigma});
     }
+    const auto unit_of = camera.model->functions.prior_unit;
+    const double unit = unit_of == nullptr ? 1 : unit_of(*camera.model, camera.params.data());
     for (const PriorRow& row : camera.model->prior_rows) {
-      ParamPrior prior{.terms = {}, .sigma = row.sigma};
+      ParamPrior prior{.terms = {}, .sigma = row.sigma * unit};
       bool own = false;  // else all of them are another camera's, which has the same prior
       for (size_t i = 0; i < row.indices.size(); ++i) {
         prior.terms.push_back({bundle.Root(c, row.indices[i]), row.weights[i]});

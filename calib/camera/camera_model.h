@@ -200,9 +200,14 @@ struct ModelFunctions {
                         const ProjectionOutput& out) = nullptr;
   std::vector<double> (*prior_sigmas)(const CameraModel& model,
                                       const StartProblem& problem) = nullptr;
-  /// The model "lens+part+..." of this lens; null for a model that takes no parts. Throws `Error` of
-  /// kind kInput for parts that there are not.
+  /// Unit of the sigmas of `prior_rows`, by the parameters that are always fixed; null: 1.
+  double (*prior_unit)(const CameraModel& model, const double* params) = nullptr;
+  /// The model "lens+part+..." of this lens; null for a model that takes no parts. Throws `Error`
+  /// of kind kInput for parts that there are not.
   const CameraModel* (*with_parts)(const CameraModel& lens, std::string_view name) = nullptr;
+  /// Of a model that stands for a family: the member of that name ("splined-20x14" of `splined`),
+  /// null for a name of another kind. Throws `Error` of kind kInput for a member that there is not.
+  const CameraModel* (*member)(std::string_view name) = nullptr;
 };
 
 /// A camera model as the rest of the project sees it: data and functions, no assumption about what
@@ -310,7 +315,13 @@ struct CameraModel {
   }
 };
 
-/// Members that a struct in models/ must have. `Project` is the model's statement of its
+/// A struct in models/ whose table is made at run time; it needs no other member.
+template <typename M>
+concept MakesItsTable = requires {
+  { M::Table() } -> std::same_as<CameraModel>;
+};
+
+/// Members that any other struct in models/ must have. `Project` is the model's statement of its
 /// mathematics; derivatives follow from it.
 ///
 /// Models of ordinary cameras derive from `CentralModel` (models/start/central_model.h), which
@@ -340,7 +351,7 @@ struct CameraModel {
 /// other programs read has
 ///   static constexpr Usage kUsage
 template <typename M>
-concept CameraModelPlugin = requires(const StartProblem& problem) {
+concept CameraModelPlugin = MakesItsTable<M> || requires(const StartProblem& problem) {
   { M::kName } -> std::convertible_to<std::string_view>;
   { M::kSource } -> std::convertible_to<std::string_view>;
   {std::span<const Param>(M::kParams)};
@@ -615,6 +626,11 @@ constexpr CameraModel MakeCameraModel() {
   return model;
 }
 
+template <MakesItsTable M>
+CameraModel MakeCameraModel() {
+  return M::Table();
+}
+
 /// True when all parameters lie within their limits, which are part of the model's domain.
 inline bool WithinBounds(const CameraModel& model, const double* params) {
   for (size_t i = 0; i < model.params.size(); ++i) {
@@ -623,11 +639,16 @@ inline bool WithinBounds(const CameraModel& model, const double* params) {
   return true;
 }
 
-/// The model of that name in `models`, or a lens of these with the parts that the name has; nullptr
-/// for an unknown one. Throws `Error` of kind kInput for unknown parts.
+/// The model of that name in `models`, a member of one's family, or a lens of these with the parts
+/// that the name has; nullptr for an unknown one. Throws `Error` of kind kInput for unknown parts
+/// and members.
 inline const CameraModel* FindModel(std::span<const CameraModel> models, std::string_view name) {
   for (const CameraModel& model : models) {
     if (model.name == name) return &model;
+  }
+  for (const CameraModel& model : models) {
+    if (model.functions.member == nullptr) continue;
+    if (const CameraModel* const member = model.functions.member(name)) return member;
   }
   const size_t plus = name.find('+');
   if (plus == std::string_view::npos) return nullptr;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kCorrelated = 0.99;
 constexpr double kLarge = 0.1;    // standard error over a parameter's size
-constexpr double kByPrior = 0.7;  // of a prior's sigma: half of the information is the prior's
+constexpr double kByPrior = 0.7;  // of the priors' sigma: half of the information is theirs
 
 constexpr const char* kGeneralRemedy =
     "Add images from other distances and at other tilts, over the whole field of view, or fix "
@@ -117,9 +117,22 @@ class WeakUnknownsFinder {
                     strongest));
   }
 
+  // On each parameter of one camera, were the others known.
+  [[nodiscard]] std::vector<double> InformationOfPriors(size_t c) const {
+    std::vector<double> information(bundle_.cameras[c].params.size(), 0.0);
+    for (const ParamPrior& prior : ParamPriors(bundle_)) {
+      for (const auto& [param, weight] : prior.terms) {
+        const double root = weight / prior.sigma;
+        if (param.camera == c) information[param.param] += root * root;
+      }
+    }
+    return information;
+  }
+
   // Single parameters of one camera with a large standard error.
   void AddUncertain(size_t c) {
     const BundleCamera& camera = bundle_.cameras[c];
+    const std::vector<double> of_priors = InformationOfPriors(c);
     std::vector<std::string> large, by_prior;
     size_t of_field = 0;
     for (size_t k = 0; k < camera.ModelParams(); ++k) {
@@ -129,7 +142,7 @@ class WeakUnknownsFinder {
       if (bundle_.Root(c, k) != ParamIndex{c, k} || IsOpen(name)) continue;
       const double std_error = uncertainty_.param_std_errors[c][k];
       if (param.prior_sigma > 0) {
-        if (std_error > kByPrior * param.prior_sigma) by_prior.push_back(name);
+        if (std_error * std::sqrt(of_priors[k]) > kByPrior) by_prior.push_back(name);
       } else if (std_error > kLarge * std::max(std::abs(camera.params[k]), param.scale)) {
         large.push_back(name);
       }

@@ -262,6 +262,11 @@ std::string Remedy(const CameraModel& model, std::span<const size_t> weak, const
       seen.farthest);
 }
 
+double PriorUnit(const CameraModel& model, const double* params) {
+  const CameraModel& lens = Of(model).lens;
+  return lens.functions.prior_unit(lens, params);
+}
+
 const LensPart& PartNamed(std::string_view part, std::string_view model) {
   const std::span<const LensPart> parts = LensParts();
   const auto found = std::ranges::find(parts, part, &LensPart::name);
@@ -349,6 +354,7 @@ const CameraModel* WithParts(const CameraModel& lens, std::string_view name) {
                      .start = &Start,
                      .misfit = &CentralModel::JudgeFit,
                      .remedy = &Remedy};
+  if (lens.functions.prior_unit != nullptr) model.functions.prior_unit = &PriorUnit;
   return &AddCameraModel(model, made, made->name);
 }
 

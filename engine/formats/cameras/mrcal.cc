@@ -6,8 +6,11 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <string>
+#include <tuple>
+#include <utility>
 
 #include "calib/base/format_error.h"
 #include "calib/files/calibration_file.h"
@@ -38,16 +41,11 @@ const LensTable& MrcalLenses() {
   return kTable;
 }
 
-// A spline's name holds its knots and its field of view.
-std::string MrcalSpline(std::string_view fov_deg) {
-  return fmt::format("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx={}_Ny={}_fov_x_deg={}",
-                     Splined::kColumns,
-                     Splined::kRows,
-                     fov_deg);
-}
+constexpr std::string_view kMrcalSpline = "LENSMODEL_SPLINED_STEREOGRAPHIC_";
 
-Lens ToMrcalSpline(const CalibratedCamera& camera) {
-  const double fov = camera.params[Splined::kFov];
+// A spline's name holds its knots and its field of view.
+Lens ToMrcalSpline(const SplineLens& lens, const CalibratedCamera& camera) {
+  const double fov = camera.params[SplineLens::kFov];
   if (fov != std::round(fov)) {
     throw JobError(
         "camera '{}': mrcal's splines have a fov of whole degrees, this one has {}; "
@@ -56,31 +54,54 @@ Lens ToMrcalSpline(const CalibratedCamera& camera) {
         fov,
         std::ceil(fov));
   }
-  return {MrcalSpline(fmt::format("{:.0f}", fov)),
+  return {fmt::format("{}order={}_Nx={}_Ny={}_fov_x_deg={:.0f}",
+                      kMrcalSpline,
+                      lens.order,
+                      lens.columns,
+                      lens.rows,
+                      fov),
           camera.params[0],
           camera.params[1],
           camera.params[2],
           camera.params[3],
-          {camera.params.begin() + Splined::kFirstKnot, camera.params.end()}};
+          {camera.params.begin() + SplineLens::kFirstKnot, camera.params.end()}};
+}
+
+// The model of LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170, and its fov.
+std::pair<const CameraModel*, int> ReadMrcalSpline(const YamlNode& name) {
+  const std::string text = name.AsString();
+  std::string_view rest = std::string_view(text).substr(kMrcalSpline.size());
+  const auto take = [&](std::string_view key) {
+    int number = 0;
+    if (!rest.starts_with(key)) return number;
+    const char* const end = rest.data() + rest.size();
+    rest = {std::from_chars(rest.data() + key.size(), end, number).ptr, end};
+    return number;
+  };
+  SplineLens lens;
+  lens.order = take("order=");
+  lens.columns = take("_Nx=");
+  lens.rows = take("_Ny=");
+  const int fov_deg = take("_fov_x_deg=");
+  if (!rest.empty() || fov_deg <= 0 || (lens.order != 2 && lens.order != 3)) {
+    name.Fail(fmt::format(
+        "expected {}order=3_Nx=30_Ny=20_fov_x_deg=170, or other such numbers; the order is 2 or 3",
+        kMrcalSpline));
+  }
+  try {
+    return {FindModel(CameraModels(), Splined::NameOf(lens)), fov_deg};
+  } catch (const Error& error) {
+    name.Fail(error.what());
+  }
 }
 
 // `name` is that of a spline, `intrinsics` all that the file holds.
 CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsics) {
-  const std::string prefix = MrcalSpline(""), text = name.AsString();
-  const std::string fov_deg = text.starts_with(prefix) ? text.substr(prefix.size()) : "";
-  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
-  if (fov_deg.empty() || fov_deg.size() > 3 || !std::ranges::all_of(fov_deg, is_digit)) {
-    name.Fail(
-        fmt::format("only splines of order 3 with {} x {} knots are read; make it one with "
-                    "'mrcal-convert-lensmodel {} FILE'",
-                    Splined::kColumns,
-                    Splined::kRows,
-                    MrcalSpline("...")));
-  }
   CalibratedCamera camera;
-  camera.model = FindModel(CameraModels(), Splined::kName);
-  camera.params = intrinsics.AsNumbers(Splined::kParams.size() - 1);
-  camera.params.insert(camera.params.begin() + Splined::kFov, std::stod(fov_deg));
+  int fov_deg = 0;
+  std::tie(camera.model, fov_deg) = ReadMrcalSpline(name);
+  camera.params = intrinsics.AsNumbers(camera.model->params.size() - 1);
+  camera.params.insert(camera.params.begin() + SplineLens::kFov, fov_deg);
   if (!WithinBounds(*camera.model, camera.params.data())) {
     intrinsics.Fail("f_x and f_y must be positive, fov_x_deg between 0 and 360");
   }
@@ -89,8 +110,9 @@ CalibratedCamera FromMrcalSpline(const YamlNode& name, const YamlNode& intrinsic
 
 std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
   const CalibratedCamera& camera = cameras[0];
+  const SplineLens* const spline = Splined::LensOf(*camera.model);
   const Lens lens =
-      camera.model->name == Splined::kName ? ToMrcalSpline(camera) : ToLens(camera, MrcalLenses());
+      spline != nullptr ? ToMrcalSpline(*spline, camera) : ToLens(camera, MrcalLenses());
   const Eigen::Vector3d w = LogRotation(camera.T_camera_rig.R), t = camera.T_camera_rig.t;
   return fmt::format(
       "{{\n    'lensmodel': '{}',\n    'intrinsics': [ {} ],\n    # rt_fromref\n"
@@ -133,7 +155,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
     const Cahvor cahvor = MrcalCahvor(intrinsics, read_extrinsics());
     return {FromCahvor(cahvor, ReadImageSize(root.At("imagersize")), source.path.string())};
   }
-  if (lens.AsString().starts_with("LENSMODEL_SPLINED")) {
+  if (lens.AsString().starts_with(kMrcalSpline)) {
     camera = FromMrcalSpline(lens, root.At("intrinsics"));
     camera.image_size = ReadImageSize(root.At("imagersize"));
   } else {

@@ -19,7 +19,6 @@
 #include "engine/formats/camera_format.h"
 #include "engine/formats/import_format.h"
 #include "models/registry.h"
-#include "models/splined.h"
 #include "tests/apps/workspace.h"
 #include "tests/optional_data.h"
 
@@ -359,11 +358,11 @@ TEST_F(Exchange, OmniOfKalibrIsTheUnifiedModel) {
   EXPECT_NEAR(whole["distortion_coeffs"][1].as<double>(), 0.02, 1e-15);
   EXPECT_NEAR(whole["distortion_coeffs"][3].as<double>(), -0.002, 1e-15);
   Write("splined.cameramodel",
-        "{ 'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170',\n"
+        "{ 'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=4_Nx=30_Ny=20_fov_x_deg=170',\n"
         "'intrinsics': [1, 1, 1, 1, 2], 'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480] }\n");
   ExpectRefused(kWrongInput,
                 {"import", "splined.cameramodel", "--format", "mrcal", "-o", "out"},
-                {"splined.cameramodel:1:", "mrcal-convert-lensmodel"});
+                {"splined.cameramodel:1:", "the order is 2 or 3"});
 }
 
 TEST_F(Exchange, RealFilesAreRead) {
@@ -521,10 +520,11 @@ TEST_F(SplinedExchange, MrcalsFileHoldsAllOfIt) {
   Export("mrcal", "cam", "splined.yaml");
   const YAML::Node camera = Import("mrcal", "file.mrcal")["cameras"].begin()->second;
   EXPECT_EQ(camera["model"].as<std::string>(), "splined");
-  for (size_t k = 0; k < Splined::kParams.size(); ++k) {
-    EXPECT_EQ(camera["parameters"][std::string(Splined::kParams[k].name)].as<double>(),
-              Splined::kExample[k])
-        << Splined::kParams[k].name;
+  const CameraModel& splined = *FindModel(CameraModels(), "splined");
+  for (size_t k = 0; k < splined.params.size(); ++k) {
+    EXPECT_EQ(camera["parameters"][std::string(splined.params[k].name)].as<double>(),
+              splined.example[k])
+        << splined.params[k].name;
   }
   Write("half.yaml", Replaced(Read("splined.yaml"), "fov: 160", "fov: 160.5"));
   ExpectRefused(kJobFailed,
@@ -533,14 +533,18 @@ TEST_F(SplinedExchange, MrcalsFileHoldsAllOfIt) {
   Write("odd.cameramodel", Replaced(Read("file.mrcal"), "_deg=160", "_deg=16x"));
   ExpectRefused(kWrongInput,
                 {"import", "odd.cameramodel", "--format", "mrcal", "-o", "out"},
-                {"odd.cameramodel:2:", "11 x 9 knots"});
+                {"odd.cameramodel:2:", "the order is 2 or 3"});
+  Write("odd.cameramodel", Replaced(Read("file.mrcal"), "_Nx=11", "_Nx=100"));
+  ExpectRefused(kWrongInput,
+                {"import", "odd.cameramodel", "--format", "mrcal", "-o", "out"},
+                {"odd.cameramodel:2:", "splined-100x9", "4 to 60 columns"});
 }
 
 TEST_F(SplinedExchange, MrcalProjectsTheSame) {
   if (std::system("/usr/bin/python3 -c 'import mrcal' 2>/dev/null") != 0) {
     GTEST_SKIP() << "no python3-mrcal";
   }
-  for (const std::string name : {"splined", "spherical"}) {
+  for (const std::string name : {"splined", "splined-30x20", "splined2-20x14", "spherical"}) {
     SCOPED_TRACE(name);
     WriteExample(name);
     Export("mrcal", "cam", name + ".yaml");
