@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "calib/base/format_error.h"
@@ -47,8 +48,35 @@ std::vector<size_t> VariedCameras(const Session& session, const std::string& nam
   return varied;
 }
 
-std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& names,
-                                            const SessionCamera& camera) {
+// Splines of more and more knots (of order 3), whose full cells are square in the image, as far as
+// they have fewer coefficients than half of the points' coordinates.
+std::vector<std::string> KnotLadder(const CameraInput& input) {
+  const int width = input.image_size[0], height = input.image_size[1];
+  const bool wide = width >= height;
+  const double aspect =
+      wide ? static_cast<double>(height) / width : static_cast<double>(width) / height;
+  size_t points = 0;
+  for (const View& view : input.views) points += view.observations.size();
+  std::vector<std::string> names;
+  for (const int along : {7, 9, 11, 15, 20, 30}) {
+    const int across = 3 + std::max(1, static_cast<int>(std::lround((along - 3) * aspect)));
+    if (!names.empty() && static_cast<size_t>(2 * along * across) > points) break;
+    names.push_back(fmt::format("splined-{}x{}", wide ? along : across, wide ? across : along));
+  }
+  return names;
+}
+
+std::vector<const CameraModel*> ModelsToTry(const std::vector<std::string>& requested,
+                                            const SessionCamera& camera,
+                                            const CameraInput& input) {
+  std::vector<std::string> names;
+  for (const std::string& name : requested) {
+    if (name == "splined-all") {
+      std::ranges::move(KnotLadder(input), std::back_inserter(names));
+    } else {
+      names.push_back(name);
+    }
+  }
   std::vector<const CameraModel*> models;
   for (const std::string& name : names) {
     const CameraModel* model = ModelNamed("--models", name);
@@ -206,8 +234,12 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
   const auto provenance = ProvenanceOf(request.command, session, request.out);
   const Target target = ReadTarget(session.target);
   const std::vector<size_t> varied = VariedCameras(session, request.camera);
-  const std::vector<const CameraModel*> models =
-      ModelsToTry(request.models, session.cameras[varied[0]]);
+  const auto models_for = [&](const CameraInput& camera) {
+    return ModelsToTry(request.models, session.cameras[varied[0]], camera);
+  };
+  CameraInput without_images;
+  without_images.image_size = {4, 3};
+  models_for(without_images);  // a wrong name ends the run before the images are read
   trial.folders = std::make_unique<RunFolders>(
       request, session, std::vector<std::string>{"try.csv", "try.yaml", "try.html"});
   const SessionObservations observations =
@@ -223,7 +255,7 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
   ModelAndTarget tried =
       TryModelsAndTarget(input,
                          varied,
-                         models,
+                         models_for(input.cameras[varied[0]]),
                          RefinedMarkerFreedom(target),
                          is_open ? TargetQuestion::kChoose : TargetQuestion::kJudge,
                          options);

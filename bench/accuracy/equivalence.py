@@ -129,22 +129,44 @@ def aria(plenocal, random, place, name):
     return camera, points, np.array([theirs.project_no_checks(p) for p in points])
 
 
+def mrcal_file(plenocal, place, model, numbers):
+    """The camera of a file beside another one, whose frame is the rig's: CAHVOR's own is turned."""
+    for name, lens, values in ("a", "LENSMODEL_PINHOLE", [500, 500, 640, 480]), ("b", model, numbers):
+        (place / f"{name}.cameramodel").write_text(
+            f"{{ 'lensmodel': '{lens}', 'intrinsics': [{', '.join(repr(float(v)) for v in values)}],\n"
+            f"'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [{WIDTH}, {HEIGHT}] }}\n")
+    plenocal.run(["import", place / "a.cameramodel", place / "b.cameramodel", "--format", "mrcal", "-o", place / "imported"])
+    return plenocal.Calibration(place / "imported/calibration.yaml").cameras[1]
+
+
 def cahvore(plenocal, random, place, name):
-    """Without import: mrcal's projection takes all points as if they were at distance 1."""
+    """At 1 m: mrcal's projection takes all points as if they were there."""
     import mrcal
-    linearity = {"CAHVORE, linearity 0": 0, "CAHVORE, linearity 1": 1}[name]
-    numbers, e, r = intrinsics(random), random.uniform(-0.01, 0.01, 3), random.uniform(-0.05, 0.05, 2)
-    camera = plenocal.Camera(("equidistant", "pinhole")[linearity] + "+pupil+radial2", (WIDTH, HEIGHT), [*numbers, *e, *r])
+    model = f"LENSMODEL_{name}"
+    r, e = random.uniform(-0.05, 0.05, 3), random.uniform(-0.01, 0.01, 3)
+    numbers = [*intrinsics(random), *random.uniform(-0.05, 0.05, 2), *r, *e]
+    camera = mrcal_file(plenocal, place, model, numbers)
     points = directions(random, 55)
     points /= np.linalg.norm(points, axis=1, keepdims=True)
-    return camera, points, mrcal.project(points, f"LENSMODEL_CAHVORE_linearity={linearity}.00", np.array([*numbers, 0, 0, 0, *r, *e]))
+    return camera, points @ camera.T_camera_rig[:3, :3].T, mrcal.project(points, model, np.array(numbers))
+
+
+def spline(plenocal, random, place, name):
+    """Inside the last full cells: beyond them mrcal goes on, and we refuse."""
+    import mrcal
+    model = f"LENSMODEL_SPLINED_STEREOGRAPHIC_{name}_fov_x_deg=130"
+    columns, rows = (int(part.split("=")[1]) for part in name.split("_")[1:])
+    numbers = [*intrinsics(random), *random.uniform(-0.02, 0.02, 2 * columns * rows)]
+    points = directions(random, 45)
+    return mrcal_file(plenocal, place, model, numbers), points, mrcal.project(points, model, np.array(numbers))
 
 
 PROGRAMS = {
     "COLMAP (pycolmap)": ("pycolmap", colmap, list(COLMAP)),
     "Project Aria (projectaria-tools)": ("projectaria_tools", aria, list(ARIA)),
     "OpenCV": ("cv2", opencv14, ["14 coefficients"]),
-    "mrcal": ("mrcal", cahvore, ["CAHVORE, linearity 0", "CAHVORE, linearity 1"]),
+    "mrcal (2.2; at 1 m)": ("mrcal", cahvore, [f"CAHVORE_linearity={L}" for L in ("0.00", "0.35", "1.00")]),
+    "mrcal (2.2)": ("mrcal", spline, [f"order={order}_Nx={size}" for order in (2, 3) for size in ("11_Ny=9", "30_Ny=20")]),
     "OpenCV contrib": ("cv2.omnidir", omnidir, ["omnidir, Kalibr omni-radtan"]),
 }
 

@@ -77,9 +77,9 @@ double CubeOfSpacing(const CameraModel& model, const double* params) {
 
 // Where there are no points, the lens continues smoothly.
 void AddPriorRows(Spline* spline) {
-  // Third derivative of m by u, focal lengths: of a pinhole camera 50 degrees off the axis; of a
+  // Third derivative of m by u, focal lengths: of a pinhole camera 58 degrees off the axis; of a
   // fisheye it is below 1.
-  constexpr double kRoughness = 10;
+  constexpr double kRoughness = 20;
   static constexpr std::array kThirdDifference{-1.0, 3.0, -3.0, 1.0};
   const SplineLens& lens = spline->lens;
   const auto add = [&](int a, int b, size_t stride) {

@@ -42,9 +42,10 @@ constexpr const char* kTryHelp =
 
 void DeclareTry(CLI::App* app, TryArguments* arguments, ConsoleOptions* shared) {
   AddInputs(app, &arguments->inputs);
-  app->add_option("--models",
-                  arguments->models,
-                  "camera models, separated by commas (default: all of the cameras' kind)")
+  app->add_option(
+         "--models",
+         arguments->models,
+         "camera models, separated by commas; splined-all: splines of 7 to 30 knots along the image (default: all of the cameras' kind)")
       ->delimiter(',');
   app->get_option("--camera")
       ->description(

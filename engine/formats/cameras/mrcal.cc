@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/yaml.h"
@@ -124,16 +125,31 @@ std::string WriteMrcal(const std::vector<CalibratedCamera>& cameras) {
       camera.image_size[1]);
 }
 
-/// Of fx fy cx cy alpha beta r0 r1 r2, where the angles are those of O.
-Cahvor MrcalCahvor(const std::vector<double>& p, const RigidTransform& T_camera_rig) {
+constexpr std::string_view kMrcalCahvor = "LENSMODEL_CAHVOR",
+                           kMrcalCahvore = "LENSMODEL_CAHVORE_linearity=";
+
+/// Of fx fy cx cy alpha beta r0 r1 r2, where the angles are those of O; of CAHVORE e0 e1 e2 too.
+Cahvor ReadMrcalCahvor(const YamlNode& lens,
+                       const YamlNode& intrinsics,
+                       const RigidTransform& T_camera_rig) {
+  const std::string name = lens.AsString();
+  Cahvor cahvor;
+  if (name != kMrcalCahvor) {
+    cahvor.linearity = ParseDouble(std::string_view(name).substr(kMrcalCahvore.size()));
+    if (!cahvor.linearity) lens.Fail(fmt::format("expected {} and a number", kMrcalCahvore));
+  }
+  std::vector<double> p = intrinsics.AsNumbers(cahvor.linearity ? 12 : 9);
+  p.resize(12);
   Eigen::Matrix3d K;
   K << p[0], 0, p[2], 0, p[1], p[3], 0, 0, 1;
   const Eigen::Vector3d o(
       std::sin(p[4]) * std::cos(p[5]), std::sin(p[5]), std::cos(p[4]) * std::cos(p[5]));
-  return {T_camera_rig.Inverse().t,
-          K * T_camera_rig.R,
-          T_camera_rig.R.transpose() * o,
-          {p[6], p[7], p[8]}};
+  cahvor.C = T_camera_rig.Inverse().t;
+  cahvor.HVA = K * T_camera_rig.R;
+  cahvor.O = T_camera_rig.R.transpose() * o;
+  cahvor.R = {p[6], p[7], p[8]};
+  cahvor.E = {p[9], p[10], p[11]};
+  return cahvor;
 }
 
 std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
@@ -150,9 +166,8 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
     return {ExpRotation({rt[0], rt[1], rt[2]}), {rt[3], rt[4], rt[5]}};
   };
   CalibratedCamera camera;
-  if (lens.AsString() == "LENSMODEL_CAHVOR") {
-    const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(9);
-    const Cahvor cahvor = MrcalCahvor(intrinsics, read_extrinsics());
+  if (lens.AsString() == kMrcalCahvor || lens.AsString().starts_with(kMrcalCahvore)) {
+    const Cahvor cahvor = ReadMrcalCahvor(lens, root.At("intrinsics"), read_extrinsics());
     return {FromCahvor(cahvor, ReadImageSize(root.At("imagersize")), source.path.string())};
   }
   if (lens.AsString().starts_with(kMrcalSpline)) {

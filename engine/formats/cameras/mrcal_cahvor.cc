@@ -8,8 +8,10 @@
 
 #include <array>
 #include <map>
+#include <optional>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lenses/cahvor.h"
@@ -20,12 +22,14 @@ namespace {
 
 std::string WriteCahvor(const std::vector<CalibratedCamera>& cameras) {
   const Cahvor cahvor = ToCahvor(cameras[0]);
-  const bool has_lens = !cahvor.R.isZero(0);
+  const bool has_lens = cahvor.linearity || !cahvor.R.isZero(0);
   std::string text =
       fmt::format("Dimensions = {} {}\nModel = {}\n",
                   cameras[0].image_size[0],
                   cameras[0].image_size[1],
-                  has_lens ? "CAHVOR = perspective, distortion" : "CAHV = perspective, linear");
+                  cahvor.linearity ? fmt::format("CAHVORE3,{} = general", *cahvor.linearity)
+                  : has_lens       ? "CAHVOR = perspective, distortion"
+                                   : "CAHV = perspective, linear");
   const auto add = [&](const char* key, const Eigen::Vector3d& v) {
     text += fmt::format("{} = {}\n", key, BlankSeparated(std::array{v.x(), v.y(), v.z()}));
   };
@@ -37,7 +41,22 @@ std::string WriteCahvor(const std::vector<CalibratedCamera>& cameras) {
     add("O", cahvor.O);
     add("R", cahvor.R);
   }
+  if (cahvor.linearity) add("E", cahvor.E);
   return text;
+}
+
+// Of "CAHVORE1" (perspective), "CAHVORE2" (fisheye), "CAHVORE3,0.35"; none of other models.
+std::optional<double> ReadLinearity(const WordLine& line) {
+  std::string_view model = line.words[2];
+  constexpr std::string_view kName = "CAHVORE", kAny = "3,";
+  if (!model.starts_with(kName)) return std::nullopt;
+  model.remove_prefix(kName.size());
+  if (model == "1") return 1;
+  if (model == "2") return 0;
+  if (model.starts_with(kAny)) {
+    if (const auto linearity = ParseDouble(model.substr(kAny.size()))) return linearity;
+  }
+  line.Fail("expected CAHVORE1, CAHVORE2 or CAHVORE3 with its linearity, like CAHVORE3,0.35");
 }
 
 std::vector<CalibratedCamera> ReadCahvor(const CameraSource& source) {
@@ -63,14 +82,14 @@ std::vector<CalibratedCamera> ReadCahvor(const CameraSource& source) {
   for (const auto& [key, line] : lines) {
     const bool is_distortion = key.starts_with("LENSMODEL_") || key.starts_with("DISTORTION_");
     if (is_distortion) line.Fail("is read from the .cameramodel only");
-    if (key == "E" && !vector("E").isZero(0)) line.Fail("CAHVORE's moving centre is not read");
-    if (key == "Model" && line.words[2].starts_with("CAHVORE")) line.Fail("CAHVORE is not read");
   }
   Cahvor cahvor;
+  cahvor.linearity = ReadLinearity(at("Model"));
   cahvor.C = vector("C");
   cahvor.HVA << vector("H").transpose(), vector("V").transpose(), vector("A").transpose();
   cahvor.O = lines.contains("O") ? vector("O") : vector("A");
   if (lines.contains("R")) cahvor.R = vector("R");
+  if (cahvor.linearity) cahvor.E = vector("E");
   const WordLine& size = at("Dimensions");
   return {FromCahvor(cahvor, {size.Pixels(2), size.Pixels(3)}, source.path.string())};
 }

@@ -1,24 +1,120 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "engine/formats/lenses/cahvor.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <deque>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "engine/formats/lens_form.h"
+#include "models/formula/model.h"
 
 namespace plenocal {
 namespace {
 
+// Coefficients k_1 k_2 tau_x tau_y alpha_s e_0 e_1 e_2. Named by the file's model, and "cahvore" by
+// the lens.
 const LensTable& CahvorLenses() {
   static const LensTable kTable{
       "cahvor",
-      {{"pinhole", "cahvor", "0 0 0 0 0 0"},
-       {"pinhole-radial3", "cahvor", "A_0 A_1 0 0 0 0"},
-       {"pinhole-radial3+tilt", "cahvor", "A_0 A_1 0 tau_x tau_y 0"},
-       {"pinhole-radial3+tilt+skew", "cahvor", "A_0 A_1 0 tau_x tau_y alpha_s"}}};
+      {{"pinhole", "cahvor", "0 0 0 0 0 0 0 0"},
+       {"pinhole-radial3", "cahvor", "A_0 A_1 0 0 0 0 0 0"},
+       {"pinhole-radial3+tilt", "cahvor", "A_0 A_1 tau_x tau_y 0 0 0 0"},
+       {"pinhole-radial3+tilt+skew", "cahvor", "A_0 A_1 tau_x tau_y alpha_s 0 0 0"}}};
   return kTable;
+}
+
+// A part of CAHVORE and its place in the coefficients.
+struct CahvorePart {
+  std::string_view name;
+  size_t first;
+  std::vector<std::string> symbols;
+};
+
+// A lens with the parts that CAHVORE may have, fewest first; one of the table's forms for each.
+class CahvoreLenses {
+ public:
+  explicit CahvoreLenses(const std::string& lens) : table_{"cahvor", {}} {
+    static const std::array<CahvorePart, 4> kParts{{{"pupil", 5, {"e_0", "e_1", "e_2"}},
+                                                    {"radial2", 0, {"k_1", "k_2"}},
+                                                    {"tilt", 2, {"tau_x", "tau_y"}},
+                                                    {"skew", 4, {"alpha_s"}}}};
+    for (unsigned chosen = 0; chosen < 1U << kParts.size(); ++chosen) {
+      std::string& model = texts_.emplace_back(lens);
+      std::vector<std::string> symbols(8, "0");
+      for (size_t i = 0; i < kParts.size(); ++i) {
+        if ((chosen >> i & 1U) == 0) continue;
+        model += fmt::format("+{}", kParts[i].name);
+        std::ranges::copy(kParts[i].symbols,
+                          symbols.begin() + static_cast<std::ptrdiff_t>(kParts[i].first));
+      }
+      const std::string& order = texts_.emplace_back(fmt::format("{}", fmt::join(symbols, " ")));
+      table_.forms.emplace_back(model, "cahvore", order);
+    }
+    std::ranges::stable_sort(
+        table_.forms, {}, [](const LensForm& form) { return std::ranges::count(form.model, '+'); });
+  }
+
+  [[nodiscard]] const LensTable& Table() const { return table_; }
+
+ private:
+  std::deque<std::string> texts_;  // of the table
+  LensTable table_;
+};
+
+struct LinearLens {
+  double linearity;
+  std::string_view model;
+};
+constexpr std::array kLinearLenses{LinearLens{1, "pinhole"},
+                                   LinearLens{0, "equidistant"},
+                                   LinearLens{-0.5, "equisolid"},
+                                   LinearLens{-1, "orthographic"}};
+constexpr std::string_view kOfFormula = "linearity-";
+
+// Name of the lens of a linearity, which is made of a formula where there is none:
+// "linearity-0p35", "linearity-m0p713".
+std::string LensOf(double linearity, const std::string& where) {
+  for (const LinearLens& lens : kLinearLenses) {
+    if (lens.linearity == linearity) return std::string(lens.model);
+  }
+  if (!(std::abs(linearity) < 1)) {
+    throw InputError("{}: linearity {}: expected -1 to 1", where, linearity);
+  }
+  const std::string size = fmt::format("{}", std::abs(linearity));
+  std::string name = fmt::format("{}{}{}", kOfFormula, linearity < 0 ? "m" : "", size);
+  std::ranges::replace(name, '.', 'p');
+  const YamlNode formula =
+      YamlNode::Parse(fmt::format("source: Gennery, CAHVORE with linearity {}\n"
+                                  "radius: {}({}*theta)/{}\ndomain: [{}*theta < pi/2]\n",
+                                  linearity,
+                                  linearity > 0 ? "tan" : "sin",
+                                  size,
+                                  size,
+                                  size),
+                      where);
+  AddFormulaModel(name, formula, where);
+  return name;
+}
+
+// The inverse, of the lens of a model with parts.
+std::optional<double> LinearityOf(std::string_view model) {
+  const std::string_view lens = model.substr(0, model.find('+'));
+  for (const LinearLens& each : kLinearLenses) {
+    if (each.model == lens) return each.linearity;
+  }
+  if (!lens.starts_with(kOfFormula)) return std::nullopt;
+  std::string number(lens.substr(kOfFormula.size()));
+  std::ranges::replace(number, 'p', '.');
+  std::ranges::replace(number, 'm', '-');
+  return ParseDouble(number);
 }
 
 /// The part `tilt` as a homography; its last row is that of a rotation.
@@ -72,26 +168,45 @@ CalibratedCamera FromCahvor(const Cahvor& cahvor, ImageSize image_size, const st
     axes *= Eigen::AngleAxisd(-phi, Eigen::Vector3d::UnitZ()).matrix();
   }
   const Eigen::Matrix3d& K = split.K;
-  CalibratedCamera camera = FromLens(
-      {"cahvor",
-       K(0, 0),
-       K(1, 1),
-       K(0, 2),
-       K(1, 2),
-       {cahvor.R[1] / scale, cahvor.R[2] / scale, 0, split.tau_x, split.tau_y, K(0, 1) / K(0, 0)}},
-      image_size,
-      CahvorLenses(),
-      where);
+  Lens lens{"cahvor",
+            K(0, 0),
+            K(1, 1),
+            K(0, 2),
+            K(1, 2),
+            {cahvor.R[1] / scale,
+             cahvor.R[2] / scale,
+             split.tau_x,
+             split.tau_y,
+             K(0, 1) / K(0, 0),
+             cahvor.E[0],
+             cahvor.E[1],
+             cahvor.E[2]}};
+  CalibratedCamera camera;
+  if (cahvor.linearity) {
+    lens.name = "cahvore";
+    const CahvoreLenses lenses(LensOf(*cahvor.linearity, where));
+    camera = FromLens(lens, image_size, lenses.Table(), where);
+  } else {
+    camera = FromLens(lens, image_size, CahvorLenses(), where);
+  }
   camera.T_camera_rig = {axes.transpose(), -(axes.transpose() * cahvor.C)};
   return camera;
 }
 
 Cahvor ToCahvor(const CalibratedCamera& camera) {
-  const Lens lens = ToLens(camera, CahvorLenses());
+  const std::string_view model = camera.model->name;
+  const auto holds = [&](const LensForm& form) { return form.model == model; };
+  const bool is_cahvor = std::ranges::any_of(CahvorLenses().forms, holds);
+  Cahvor cahvor;
+  if (!is_cahvor) cahvor.linearity = LinearityOf(model);
+  const Lens lens =
+      cahvor.linearity
+          ? ToLens(camera, CahvoreLenses(std::string(model.substr(0, model.find('+')))).Table())
+          : ToLens(camera, CahvorLenses());
   const std::vector<double>& k = lens.coefficients;
   Eigen::Matrix3d K;
-  K << lens.f_x, lens.f_x * k[5], lens.c_x, 0, lens.f_y, lens.c_y, 0, 0, 1;
-  Eigen::Matrix3d M = K * TiltMatrix(k[3], k[4]);
+  K << lens.f_x, lens.f_x * k[4], lens.c_x, 0, lens.f_y, lens.c_y, 0, 0, 1;
+  Eigen::Matrix3d M = K * TiltMatrix(k[2], k[3]);
   // H and V are orthogonal but for A when (H x A) . (V x A) = 0; a factor 1 / s of the first two
   // columns, which R_0 = s - 1 takes back, divides the product's first two terms by s^2 and the
   // third one by s^4.
@@ -103,16 +218,16 @@ Cahvor ToCahvor(const CalibratedCamera& camera) {
   if (std::abs(first + third) > kRounding * H.cross(A).norm() * V.cross(A).norm()) {
     if (!(first * third < 0)) {
       throw JobError(
-          "camera '{}': a skew of {} without a tilt has no place in cahvor", camera.name, k[5]);
+          "camera '{}': a skew of {} without a tilt has no place in cahvor", camera.name, k[4]);
     }
     s = std::sqrt(-third / first);
   }
   M *= Eigen::Vector3d(1 / s, 1 / s, 1).asDiagonal();
-  Cahvor cahvor;
   cahvor.HVA = M * camera.T_camera_rig.R / M.row(2).norm();
   cahvor.C = camera.T_camera_rig.Inverse().t;
   cahvor.O = camera.T_camera_rig.R.row(2);
   cahvor.R = {s - 1, s * k[0], s * k[1]};
+  cahvor.E = {k[5], k[6], k[7]};
   return cahvor;
 }
 

@@ -42,6 +42,20 @@ class TryCommand : public Workspace {
   }
 };
 
+TEST_F(TryCommand, ChoosesTheKnotsOfASpline) {
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 4, .noise = 0.1}));
+  const Outcome outcome =
+      Run({"try", "session.yaml", "--models", "splined-all", "--folds", "2", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node result = YAML::Load(Read("out/try.yaml"));
+  std::vector<std::string> names;
+  for (const auto& model : result["models"]) names.push_back(model.first.as<std::string>());
+  EXPECT_THAT(names, ::testing::UnorderedElementsAre("splined-7x6", "splined-9x8", "splined"));
+  EXPECT_EQ(result["recommended"].as<std::string>(), "splined-7x6");
+  EXPECT_THAT(Run({"try", "session.yaml", "--models", "splined-7x6,splined-all", "-o", "out"}).err,
+              HasSubstr("splined-7x6: named twice"));
+}
+
 TEST_F(TryCommand, RecommendsTheTrueModelAndNeitherATooSimpleNorATooRichOne) {
   constexpr double kNoise = 0.1;
   WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 20, .noise = kNoise}));
