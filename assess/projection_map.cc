@@ -9,6 +9,7 @@
 #include "assess/views/projection_jacobian.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
 
 namespace plenocal {
 namespace {
@@ -101,13 +102,17 @@ bool HousedProjection::IsKnown() const { return follow_.size() > 0 && follow_.al
 
 std::vector<std::optional<SeenRay>> HousedProjection::RaysOf(
     std::span<const std::array<double, kMaxObservationSize>> values) const {
-  std::vector<std::optional<SeenRay>> rays;
-  for (const auto& own : values) {
-    const std::optional<Ray> ray =
-        std::isnan(own[0])
-            ? std::nullopt
-            : camera_.model->Unproject(camera_.params.data(), camera_.config.data(), own.data());
-    rays.push_back(ray ? std::optional(SeenRay{own, *ray}) : std::nullopt);
+  std::vector<size_t> places;
+  std::vector<std::array<double, kMaxObservationSize>> known;
+  for (size_t i = 0; i < values.size(); ++i) {
+    if (std::isnan(values[i][0])) continue;
+    places.push_back(i);
+    known.push_back(values[i]);
+  }
+  std::vector<std::optional<SeenRay>> rays(values.size());
+  const auto found = Unproject(camera_, known);
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (found[i]) rays[places[i]] = SeenRay{known[i], *found[i]};
   }
   return rays;
 }

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 
 #include "calib/base/statistics.h"
@@ -21,11 +22,9 @@ void ForEachResidual(const Bundle& bundle,
                      size_t camera,
                      const std::function<void(const BundleObservation& observation,
                                               const double* residual)>& visit) {
-  for (const BundleObservation& observation : bundle.observations) {
-    double residual[kMaxObservationSize];
-    if (observation.camera == static_cast<int>(camera) && Residual(bundle, observation, residual)) {
-      visit(observation, residual);
-    }
+  const auto residuals = Residuals(bundle, camera);
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    if (!std::isnan(residuals[i][0])) visit(bundle.observations[i], residuals[i].data());
   }
 }
 

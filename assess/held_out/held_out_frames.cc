@@ -2,6 +2,7 @@
 #include "assess/held_out/held_out_frames.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
@@ -73,9 +74,9 @@ class FramePoses {
     adjust.cost_tolerance = 1e-12;
     const AdjustSummary summary = Adjust(&bundle_, adjust);
     if (!summary.usable) throw Error(ErrorKind::kJob, "poses cannot be found: " + summary.message);
+    const auto found = Residuals(bundle_);
     for (size_t i = 0; i < point_of_.size(); ++i) {
-      HeldOutResidual& result = (*residuals)[point_of_[i]];
-      result.imaged = Residual(bundle_, bundle_.observations[i], result.values.data());
+      (*residuals)[point_of_[i]] = {.imaged = !std::isnan(found[i][0]), .values = found[i]};
     }
   }
 

@@ -146,36 +146,50 @@ double WeightedLength(const Bundle& bundle,
   return std::sqrt(sum) / camera.noise.Sigma(observation.assumed_sigma);
 }
 
-std::vector<double> WeightedLengths(const Bundle& bundle) {
+std::vector<std::array<double, kMaxObservationSize>> Residuals(const Bundle& bundle,
+                                                               std::optional<size_t> camera) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<BundleObservation>& observations = bundle.observations;
-  std::vector<double> lengths, predicted;
-  lengths.reserve(observations.size());
+  std::vector<std::array<double, kMaxObservationSize>> residuals(observations.size());
+  std::vector<double> predicted;
   ViewPoints points;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     end = EndOfView(observations, begin);
     const auto c = static_cast<size_t>(observations[begin].camera);
-    const BundleCamera& camera = bundle.cameras[c];
-    const RigidTransform T_camera_target =
-        camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observations[begin].frame), c);
-    points.Set(camera,
-               T_camera_target,
-               std::span(observations).subspan(begin, end - begin),
-               bundle.markers);
-    const size_t rows = camera.model->measured.size();
+    for (size_t i = begin; i < end; ++i) residuals[i].fill(kNan);
+    if (camera && c != *camera) continue;
+    const BundleCamera& seen_by = bundle.cameras[c];
+    const CameraModel& model = *seen_by.model;
+    points.Set(
+        seen_by,
+        seen_by.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observations[begin].frame), c),
+        std::span(observations).subspan(begin, end - begin),
+        bundle.markers);
+    const size_t rows = model.measured.size();
     predicted.resize(rows * (end - begin));
-    ProjectPoints(*camera.model,
-                  camera.params.data(),
-                  camera.config.data(),
+    ProjectPoints(model,
+                  seen_by.params.data(),
+                  seen_by.config.data(),
                   points.Block(),
                   {.predicted = predicted.data()});
     for (size_t i = 0; begin + i < end; ++i) {
-      double residual[kMaxObservationSize];
-      for (size_t r = 0; r < rows; ++r) {
-        residual[r] = points.Values(i)[r] - predicted[rows * i + r];
+      std::array<double, kMaxObservationSize> own{};
+      for (size_t r = 0; r < rows; ++r) own[r] = points.Values(i)[r] - predicted[rows * i + r];
+      if (std::ranges::all_of(own, [](double value) { return std::isfinite(value); })) {
+        residuals[begin + i] = own;
       }
-      const double length = WeightedLength(bundle, observations[begin + i], residual);
-      lengths.push_back(std::isfinite(length) ? length : std::numeric_limits<double>::infinity());
     }
+  }
+  return residuals;
+}
+
+std::vector<double> WeightedLengths(const Bundle& bundle) {
+  const auto residuals = Residuals(bundle);
+  std::vector<double> lengths;
+  lengths.reserve(residuals.size());
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    const double length = WeightedLength(bundle, bundle.observations[i], residuals[i].data());
+    lengths.push_back(std::isnan(length) ? std::numeric_limits<double>::infinity() : length);
   }
   return lengths;
 }

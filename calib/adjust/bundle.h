@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -221,6 +222,11 @@ class ViewPoints {
 /// Residual of one observation, measured without displacement minus predicted; false outside the
 /// model's domain.
 bool Residual(const Bundle& bundle, const BundleObservation& observation, double* residual);
+
+/// Residuals of all observations of a camera, or of all cameras, computed together view by view;
+/// NaN for those of others and outside the model's domain.
+std::vector<std::array<double, kMaxObservationSize>> Residuals(const Bundle& bundle,
+                                                               std::optional<size_t> camera = {});
 
 /// Length of the residual in standard deviations of the camera's noise.
 double WeightedLength(const Bundle& bundle,

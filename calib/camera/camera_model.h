@@ -198,6 +198,12 @@ struct ModelFunctions {
                         const double* config,
                         const PointBlock& in,
                         const ProjectionOutput& out) = nullptr;
+  /// `unproject` of many image points.
+  std::vector<std::optional<Ray>> (*unproject_block)(
+      const CameraModel& model,
+      const double* params,
+      const double* config,
+      std::span<const std::array<double, kMaxObservationSize>> values) = nullptr;
   std::vector<double> (*prior_sigmas)(const CameraModel& model,
                                       const StartProblem& problem) = nullptr;
   /// Unit of the sigmas of `prior_rows`, by the parameters that are always fixed; null: 1.

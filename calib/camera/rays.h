@@ -30,6 +30,20 @@ std::optional<Ray> Unproject(const Camera& camera, const double* values) {
   return camera.model->Unproject(camera.params.data(), camera.config.data(), values);
 }
 
+/// Rays of many image points; nothing where there is none. Much faster than calls for each point
+/// where the model has `ModelFunctions::unproject_block`.
+template <typename Camera>
+std::vector<std::optional<Ray>> Unproject(
+    const Camera& camera, std::span<const std::array<double, kMaxObservationSize>> values) {
+  if (const auto block = camera.model->functions.unproject_block) {
+    return block(*camera.model, camera.params.data(), camera.config.data(), values);
+  }
+  std::vector<std::optional<Ray>> rays;
+  rays.reserve(values.size());
+  for (const auto& own : values) rays.push_back(Unproject(camera, own.data()));
+  return rays;
+}
+
 namespace internal::blocks {
 
 using Transposed = Eigen::MatrixXd;  // a row each point, its columns lie together

@@ -54,17 +54,17 @@ double Rounded(double value, int decimals) {
   return std::round(value * scale) / scale;
 }
 
-ResidualRow DescribeResidual(const Bundle& bundle, const BundleObservation& observation) {
+ResidualRow DescribeResidual(const Bundle& bundle,
+                             const BundleObservation& observation,
+                             const std::array<double, kMaxObservationSize>& residual) {
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(observation.camera)];
   ResidualRow row;
   row.frame = observation.frame;
   row.marker = bundle.markers[static_cast<size_t>(observation.marker)].number;
   row.used = observation.used;
   row.noise_sigma = Rounded(camera.noise.Sigma(observation.assumed_sigma), kNoiseSigmaDecimals);
-  const bool projects = Residual(bundle, observation, row.residual.data());
-  for (double& value : row.residual) {
-    value = projects ? Rounded(value, kResidualDecimals) : std::numeric_limits<double>::quiet_NaN();
-  }
+  row.residual = residual;
+  for (double& value : row.residual) value = Rounded(value, kResidualDecimals);
   row.values = WithoutDisplacement(observation, camera).values;
   for (double& value : row.values) value = Rounded(value, kResidualDecimals);
   return row;
@@ -78,10 +78,12 @@ void DescribeObservations(const Calibration& calibration, CalibrationRecord* rec
     ++counts[static_cast<size_t>(observation.camera)];
   }
   for (size_t c = 0; c < counts.size(); ++c) record->cameras[c].residuals.reserve(counts[c]);
-  for (const BundleObservation& observation : bundle.observations) {
+  const auto residuals = Residuals(bundle);
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    const BundleObservation& observation = bundle.observations[i];
     const auto c = static_cast<size_t>(observation.camera);
     const auto f = static_cast<size_t>(observation.frame);
-    record->cameras[c].residuals.push_back(DescribeResidual(bundle, observation));
+    record->cameras[c].residuals.push_back(DescribeResidual(bundle, observation, residuals[i]));
     if (!observation.used || bundle.cameras.size() == 1) continue;
     if (record->cameras[c].view_poses.contains(observation.frame)) continue;
     record->cameras[c].view_poses[observation.frame] = {

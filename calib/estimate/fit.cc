@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 
 #include "calib/noise/replicate_noise.h"
 
@@ -16,15 +17,18 @@ double SquaredLength(const CameraModel& model, const double* residual) {
   return squared;
 }
 
-void AddNoiseFloors(const Bundle& bundle, size_t camera, CameraFit* fit) {
+void AddNoiseFloors(const Bundle& bundle,
+                    size_t camera,
+                    std::span<const std::array<double, kMaxObservationSize>> residuals,
+                    CameraFit* fit) {
   const NoiseFloor used =
       EstimateNoiseFloor(bundle, camera, [](const auto& observation) { return observation.used; });
   if (!(used.redundancy > 0)) return;
   fit->noise_floor = used;
   fit->noise_floor_all =
       EstimateNoiseFloor(bundle, camera, [&](const BundleObservation& observation) {
-        double residual[kMaxObservationSize];
-        return Residual(bundle, observation, residual);
+        const auto place = static_cast<size_t>(&observation - bundle.observations.data());
+        return !std::isnan(residuals[place][0]);
       });
 }
 
@@ -35,12 +39,13 @@ CameraFit MeasureFit(const Bundle& bundle, size_t camera, const AssumedSigmas& a
   CameraFit fit;
   double sum = 0, sum_all = 0, count_all = 0;
   std::set<int> views;
-  for (const BundleObservation& observation : bundle.observations) {
+  const auto residuals = Residuals(bundle, camera);
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    const BundleObservation& observation = bundle.observations[i];
     if (observation.camera != static_cast<int>(camera)) continue;
     double squared = 0;
-    double residual[kMaxObservationSize];
-    if (Residual(bundle, observation, residual)) {
-      squared = SquaredLength(model, residual);
+    if (!std::isnan(residuals[i][0])) {
+      squared = SquaredLength(model, residuals[i].data());
       sum_all += squared;
       ++count_all;
     }
@@ -62,7 +67,7 @@ CameraFit MeasureFit(const Bundle& bundle, size_t camera, const AssumedSigmas& a
   for (auto& [number, lens_type] : fit.lens_types) {
     lens_type.rms = std::sqrt(lens_type.rms / lens_type.points);
   }
-  AddNoiseFloors(bundle, camera, &fit);
+  AddNoiseFloors(bundle, camera, residuals, &fit);
   fit.noise_sigma = bundle.cameras[camera].noise.Sigma(assumed.typical);
   fit.common_noise = bundle.cameras[camera].noise.common_sigma;
   fit.detector_sigma = assumed.stated ? assumed.typical : 0;

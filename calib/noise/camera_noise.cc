@@ -29,15 +29,15 @@ using MarkerRows = std::vector<Row>;
 std::vector<MarkerRows> RowsOf(const Bundle& bundle, size_t camera) {
   std::vector<MarkerRows> markers;
   const auto& observations = bundle.observations;
+  const auto residuals = Residuals(bundle, camera);
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     end = EndOfMarker(observations, begin);
     if (observations[begin].camera != static_cast<int>(camera)) continue;
     MarkerRows rows;
     for (size_t i = begin; i < end; ++i) {
-      Row row{.sigma2 = std::pow(observations[i].assumed_sigma, 2)};
-      if (observations[i].used && Residual(bundle, observations[i], row.residual.data())) {
-        rows.push_back(row);
-      }
+      if (!observations[i].used || std::isnan(residuals[i][0])) continue;
+      rows.push_back({.residual = ResidualVector(residuals[i].data()),
+                      .sigma2 = std::pow(observations[i].assumed_sigma, 2)});
     }
     if (!rows.empty()) markers.push_back(std::move(rows));
   }

@@ -73,12 +73,11 @@ double EffectInImage(const Bundle& bundle, const CalibrationPrior::Unknown& unkn
     camera.T_camera_rig = Retract(camera.T_camera_rig, delta);
   }
   double squares = 0, count = 0;
-  for (const BundleObservation& observation : bundle.observations) {
-    if (!observation.used || observation.camera != static_cast<int>(unknown.camera)) continue;
-    double here[kMaxObservationSize], there[kMaxObservationSize];
-    if (!Residual(bundle, observation, here) || !Residual(moved, observation, there)) continue;
+  const auto here = Residuals(bundle, unknown.camera), there = Residuals(moved, unknown.camera);
+  for (size_t i = 0; i < here.size(); ++i) {
+    if (!bundle.observations[i].used || std::isnan(here[i][0]) || std::isnan(there[i][0])) continue;
     for (size_t r = 0; r < camera.model->measured.size(); ++r) {
-      squares += (here[r] - there[r]) * (here[r] - there[r]);
+      squares += (here[i][r] - there[i][r]) * (here[i][r] - there[i][r]);
     }
     ++count;
   }

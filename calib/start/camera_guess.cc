@@ -12,6 +12,7 @@
 #include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/base/statistics.h"
+#include "calib/camera/rays.h"
 #include "calib/camera/resection.h"
 #include "calib/noise/camera_noise.h"
 
@@ -80,19 +81,18 @@ std::vector<View> Selection(const CameraInput& camera,
   return selection;
 }
 
-std::optional<Resection> ResectView(const CameraModel& model,
-                                    std::span<const double> config,
-                                    std::span<const double> params,
+std::optional<Resection> ResectView(const BundleCamera& camera,
                                     const View& view,
                                     const std::map<int, Eigen::Vector3d>& markers) {
+  std::vector<std::array<double, kMaxObservationSize>> values;
+  for (const Observation& observation : view.observations) values.push_back(observation.values);
+  const std::vector<std::optional<Ray>> found = Unproject(camera, values);
   std::vector<Ray> rays;
   std::vector<Eigen::Vector3d> points;
-  for (const Observation& observation : view.observations) {
-    const std::optional<Ray> ray =
-        model.Unproject(params.data(), config.data(), observation.values.data());
-    if (!ray) continue;
-    rays.push_back(*ray);
-    points.push_back(markers.at(observation.marker));
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (!found[i]) continue;
+    rays.push_back(*found[i]);
+    points.push_back(markers.at(view.observations[i].marker));
   }
   return Resect(rays, points);
 }
@@ -136,8 +136,7 @@ Trial MakeTrial(const CameraInput& camera,
   }
   size_t without_pose = 0;
   for (const View& view : views) {
-    const std::optional<Resection> resection =
-        ResectView(*camera.model, camera.config, params, view, markers);
+    const std::optional<Resection> resection = ResectView(bundle.cameras[0], view, markers);
     if (!resection) {
       without_pose += view.observations.size();
       continue;
@@ -373,8 +372,7 @@ std::optional<RigidTransform> GuessPose(const BundleCamera& camera,
                                         const std::map<int, Eigen::Vector3d>& markers) {
   const View thinned = Thinned(view, markers, kStartPoints);
   if (thinned.observations.size() < kMinPoints) return std::nullopt;
-  const std::optional<Resection> resection =
-      ResectView(*camera.model, camera.config, camera.params, thinned, markers);
+  const std::optional<Resection> resection = ResectView(camera, thinned, markers);
   if (!resection) return std::nullopt;
   return resection->T_camera_target;
 }

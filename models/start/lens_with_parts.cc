@@ -131,10 +131,10 @@ class DifferentiatedPoint {
       if (!part->map_with_jacobian(a, m_.data(), next.data(), own.data())) return false;
       const Eigen::Matrix2d by_m = own.leftCols<2>();
       m_ = next;
-      by_p_ = (by_m * by_p_).eval();
-      by_h_ = (by_m * by_h_).eval();
+      by_p_ = by_m.lazyProduct(by_p_).eval();
+      by_h_ = by_m.lazyProduct(by_h_).eval();
       if (by_params_) {
-        J_.middleCols(4, done - 4) = (by_m * J_.middleCols(4, done - 4)).eval();
+        J_.middleCols(4, done - 4) = by_m.lazyProduct(J_.middleCols(4, done - 4)).eval();
         J_.middleCols(done, n) = own.rightCols(n);
       }
       done += n;

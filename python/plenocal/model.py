@@ -50,8 +50,8 @@ class CameraModel:
     """Base class for a model of an ordinary camera in Python, to try an idea.
 
     Write `project` in numpy, then `register` the class. The model then works in sessions, `calibrate`,
-    `try_models`, `compare` and `check_model`, but slower than the built-in ones: a calibration
-    calls Python for each point. Derivatives are finite differences unless `jacobian` is given.
+    `try_models`, `compare` and `check_model`. A calibration calls Python for all points of a view
+    at once. Derivatives are finite differences unless `jacobian` is given.
 
     >>> class Quadratic(CameraModel):
     ...     name = "quadratic"
@@ -85,15 +85,18 @@ class CameraModel:
         m. All of them and the results are arrays of one shape (K,). NaN outside of the model's domain."""
         raise NotImplementedError(f"{type(self).__name__}: project is missing")
 
-    def jacobian(self, params: Sequence[float], point: Sequence[float]) -> tuple[Any, Any, Any]:
-        """Optional. For one point (x, y, z, m) and params returns the image point (2,), px, and its
-        derivatives by the parameters (2, P) and by the point (2, 3)."""
+    def jacobian(self, params: Sequence[float], point: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """Optional. For points, arrays (K,) of x, y and z, m, returns image points (K, 2), px, and their
+        derivatives by the parameters (K, 2, P) and by the point (K, 2, 3). A model that returns (2,), (2, P)
+        and (2, 3) of one point works too, but slower."""
         raise NotImplementedError
 
     def unproject(self, params: Sequence[float], pixel: Sequence[float]) -> Any:
         """Optional. Direction (3,), of any length, of the ray through one pixel (x, y, px) of a camera with
         params; NaN: no ray. The default inverts `project` numerically."""
-        return self._invert(params, pixel)
+        import numpy as np
+
+        return self._invert(params, np.asarray(pixel, dtype=np.float64)[None])[0]
 
     def start(self, f: float, c_x: float, c_y: float) -> Iterable[Sequence[float]]:
         """Initial guesses: parameters whose projection near the axis is that of a pinhole camera with focal
@@ -101,6 +104,9 @@ class CameraModel:
         f_x, f_y, c_x, c_y and the neutral values of the others."""
         rest = [0.0 if param.neutral is None else param.neutral for param in self.params[4:]]
         return [(f, f, c_x, c_y, *rest)]
+
+    #: Whether `jacobian` takes arrays of points
+    _differentiates_arrays = False
 
     # Called by the extension module.
 
@@ -114,69 +120,88 @@ class CameraModel:
         out[:, 1] = y
         return out
 
-    def _jacobian_row(self, params: FloatArray, points: FloatArray) -> tuple[Any, Any, Any]:
+    def _jacobian_rows(self, params: FloatArray, points: FloatArray) -> tuple[Any, Any, Any]:
         import numpy as np
 
+        row = tuple(params[0])
         with np.errstate(all="ignore"):
-            found = self.jacobian(tuple(params[0]), tuple(points[0]))
-        shapes = ((1, 2), (2, len(self.params)), (2, 3))
-        u, by_params, by_point = (
-            np.ascontiguousarray(np.asarray(value, dtype=np.float64).reshape(shape))
-            for value, shape in zip(found, shapes)
+            if self._differentiates_arrays:
+                found = [self.jacobian(row, tuple(points.T))]
+            else:
+                found = [self.jacobian(row, tuple(point)) for point in points]
+        return tuple(  # type: ignore[return-value]
+            np.ascontiguousarray(np.asarray(values, dtype=np.float64).reshape(len(points), width))
+            for values, width in zip(zip(*found), (2, 2 * len(self.params), 6))
         )
-        return u, by_params, by_point
 
     def _unproject_rows(self, params: FloatArray, pixels: FloatArray) -> FloatArray:
         import numpy as np
 
+        row = tuple(float(p) for p in params[0])
         with np.errstate(all="ignore"):
-            direction = self.unproject(tuple(params[0]), tuple(pixels[0]))
-        return np.ascontiguousarray(np.asarray(direction, dtype=np.float64).reshape(1, 3))
+            if type(self).unproject is CameraModel.unproject:
+                return self._invert(row, pixels)
+            directions = [self.unproject(row, tuple(pixel)) for pixel in pixels]
+        return np.ascontiguousarray(np.asarray(directions, dtype=np.float64).reshape(len(pixels), 3))
 
     def _starts(self, f: float, c_x: float, c_y: float) -> list[list[float]]:
         return [[float(value) for value in camera] for camera in self.start(f, c_x, c_y)]
 
-    def _invert(self, params: Sequence[float], pixel: Sequence[float]) -> FloatArray:
+    def _invert(self, params: Sequence[float], pixels: FloatArray) -> FloatArray:
         """Inverts `project` by Newton's method on the unit sphere, from the nearest of a set of directions."""
         import numpy as np
 
-        directions, images = self._table(tuple(float(p) for p in params))
-        target = np.asarray(pixel, dtype=np.float64)
-        distance = np.sum((images - target) ** 2, axis=1)
-        if not np.isfinite(distance).any():
-            return np.full(3, np.nan)
-        ray = directions[np.nanargmin(distance)]
-        row = np.asarray(params, dtype=np.float64)[None]
-        halves = 0.5 ** np.arange(30)
-        rows = np.repeat(row, len(halves), axis=0)
-        step = np.cbrt(np.finfo(float).eps)
-        error = np.inf
+        rays = np.full((len(pixels), 3), np.nan)
+        directions, images = self._table(tuple(params))
+        if len(images) == 0 or len(pixels) == 0:
+            return rays
+        ray = np.empty_like(rays)
+        for part in np.array_split(np.arange(len(pixels)), 1 + len(pixels) // 256):
+            distance = np.sum((images - pixels[part, None]) ** 2, axis=2)
+            ray[part] = directions[np.argmin(distance, axis=1)]
+
+        def project(rays: FloatArray) -> FloatArray:
+            return self._project_rows(np.repeat([params], len(rays), axis=0), rays)
+
+        epsilon = np.finfo(float).eps
+        step = np.cbrt(epsilon)
+        rounding = 4 * epsilon * (1 + np.abs(pixels).max(axis=1))
+        error = np.full(len(pixels), np.inf)
+        open_ = np.arange(len(pixels))
         for _ in range(50):
-            a = np.cross(ray, np.eye(3)[np.argmin(np.abs(ray))])
-            a /= np.linalg.norm(a)
-            tangents = np.stack([a, np.cross(ray, a)])
-            rays = np.concatenate([ray[None], ray + step * tangents, ray - step * tangents])
-            u = self._project_rows(np.repeat(row, 5, axis=0), rays)
-            residual = target - u[0]
-            error = float(np.linalg.norm(residual))
-            if not np.isfinite(u).all() or error == 0:
+            at = ray[open_]
+            a = np.cross(at, np.eye(3)[np.argmin(np.abs(at), axis=1)])
+            a /= np.linalg.norm(a, axis=1, keepdims=True)
+            tangents = np.stack([a, np.cross(at, a)])
+            u = project(np.concatenate([at, *(at + step * tangents), *(at - step * tangents)])).reshape(5, -1, 2)
+            residual = pixels[open_] - u[0]
+            error[open_] = np.linalg.norm(residual, axis=1)
+            slope = np.moveaxis((u[1:3] - u[3:5]) / (2 * step), 0, -1)
+            usable = np.isfinite(u).all(axis=(0, 2)) & (error[open_] > rounding[open_])
+            usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], slope, 0))) > 0
+            open_, at, tangents = open_[usable], at[usable], tangents[:, usable]
+            if len(open_) == 0:
                 break
-            slope = ((u[1:3] - u[3:5]) / (2 * step)).T
-            try:
-                delta = np.linalg.solve(slope, residual)
-            except np.linalg.LinAlgError:
-                break
+            delta = np.linalg.solve(slope[usable], residual[usable, :, None])[:, :, 0]
             # Half a radian at most, halved until the step stays in the domain and improves.
-            delta *= min(1.0, 0.5 / max(float(np.linalg.norm(delta)), 1e-300))
-            moved = ray + halves[:, None] * (delta @ tangents)
-            moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-            errors = np.linalg.norm(target - self._project_rows(rows, moved), axis=1)
-            better = np.flatnonzero(errors < error)
-            if len(better) == 0:
+            delta *= np.minimum(1.0, 0.5 / np.maximum(np.linalg.norm(delta, axis=1), 1e-300))[:, None]
+            move = np.einsum("ni,inj->nj", delta, tangents)
+            left = np.arange(len(open_))
+            for halving in range(30):
+                moved = at[left] + 0.5**halving * move[left]
+                moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+                errors = np.linalg.norm(pixels[open_[left]] - project(moved), axis=1)
+                better = errors < error[open_[left]]
+                ray[open_[left[better]]], error[open_[left[better]]] = moved[better], errors[better]
+                left = left[~better]
+                if len(left) == 0:
+                    break
+            open_ = np.delete(open_, left)
+            if len(open_) == 0:
                 break
-            ray, error = moved[better[0]], float(errors[better[0]])
-        tolerance = 1e-9 * (1 + float(np.abs(target).max()))  # of rounding
-        return ray if error < tolerance else np.full(3, np.nan)
+        found = error < 1e-9 * (1 + np.abs(pixels).max(axis=1))  # of rounding
+        rays[found] = ray[found]
+        return rays
 
     def _table(self, params: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
         """Directions over the whole sphere and their image points; cached for the latest `params`."""
@@ -197,6 +222,19 @@ class CameraModel:
         inside = np.isfinite(images).all(axis=1)
         self._known_table = (params, directions[inside], images[inside])
         return directions[inside], images[inside]
+
+
+def _takes_arrays(model: CameraModel) -> bool:
+    import numpy as np
+
+    count, points = 3, ([0.1, -0.1, 0.2], [0.2, 0.1, -0.1], [1.0, 1.2, 0.9])
+    try:
+        with np.errstate(all="ignore"):
+            found = model.jacobian(tuple(model.example), tuple(np.array(row) for row in points))
+        shapes = tuple(np.shape(value) for value in found)
+    except Exception:  # noqa: BLE001 - whatever a function of one point raises for arrays
+        return False
+    return shapes == ((count, 2), (count, 2, len(model.params)), (count, 2, 3))
 
 
 M = TypeVar("M", bound=type[CameraModel])
@@ -227,6 +265,8 @@ def register(model: M) -> None:
         if not param.lower < value < param.upper:
             raise InputError(f"{where}: example: {param.name} = {value} is outside of its limits")
     instance = model()
+    has_jacobian = model.jacobian is not CameraModel.jacobian
+    instance._differentiates_arrays = has_jacobian and _takes_arrays(instance)
     _core.register_model(
         instance,
         model.name,
@@ -237,5 +277,5 @@ def register(model: M) -> None:
         ],
         [float(value) for value in model.example],
         [int(value) for value in model.example_size],
-        model.jacobian is not CameraModel.jacobian,
+        has_jacobian,
     )

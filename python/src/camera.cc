@@ -8,6 +8,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -175,10 +176,14 @@ nb::tuple Rays(const CalibratedCamera& camera,
   Numbers origins = NewArray({count, 3}), directions = NewArray({count, 3});
   double *const o = origins.data(), *const d = directions.data();
   const std::vector<double> values = ValuesOf(model, count, &pixels, context);
+  std::vector<std::array<double, kMaxObservationSize>> of_points(count);
+  for (size_t i = 0; i < count; ++i) {
+    std::copy_n(values.data() + i * kMaxObservationSize, kMaxObservationSize, of_points[i].data());
+  }
   Call([&] {
+    const std::vector<std::optional<Ray>> rays = Unproject(camera, of_points);
     for (size_t i = 0; i < count; ++i) {
-      const std::optional<Ray> ray = model.Unproject(
-          camera.params.data(), camera.config.data(), values.data() + i * kMaxObservationSize);
+      const std::optional<Ray>& ray = rays[i];
       for (Eigen::Index k = 0; k < 3; ++k) {
         o[3 * i + static_cast<size_t>(k)] = ray ? ray->origin[k] : kNan;
         d[3 * i + static_cast<size_t>(k)] = ray ? ray->direction[k] : kNan;

@@ -155,26 +155,20 @@ void ProjectWithDifferences(const PythonModel& model,
   }
 }
 
-/// The model's own derivatives, point by point: u (1 x 2), by the parameters (2 x n), by the point
-/// (2 x 3).
+/// The model's own derivatives.
 void ProjectWithOwnJacobian(const PythonModel& model,
                             const Eigen::RowVectorXd& params,
                             BlockRows* block) {
   block->predicted.setConstant(kNan);
   CallModel([&] {
-    for (Eigen::Index i = 0; i < block->p.rows(); ++i) {
-      const nb::object result =
-          model.object.attr("_jacobian_row")(AsArray(params), AsArray(block->p.row(i)));
-      block->predicted.row(i) = FromArray(result[0], 2);
-      const RowMajor J_params = FromArray(result[1], params.size()),
-                     J_point = FromArray(result[2], 3);
-      if (block->J_params.cols() > 0) {
-        block->J_params.row(i) = J_params.reshaped<Eigen::RowMajor>().transpose();
-      }
-      if (block->J_point.cols() > 0) {
-        block->J_point.row(i) = J_point.reshaped<Eigen::RowMajor>().transpose();
-      }
-    }
+    const nb::object result =
+        model.object.attr("_jacobian_rows")(AsArray(params), AsArray(block->p));
+    const RowMajor predicted = FromArray(result[0], 2),
+                   J_params = FromArray(result[1], 2 * params.size()),
+                   J_point = FromArray(result[2], 6);
+    block->predicted = predicted;
+    if (block->J_params.cols() > 0) block->J_params = J_params;
+    if (block->J_point.cols() > 0) block->J_point = J_point;
   });
 }
 
@@ -222,21 +216,36 @@ bool ProjectOne(const CameraModel& model,
   return ProjectWithJacobian(model, params, config, values, p, h, {.predicted = predicted});
 }
 
+std::vector<std::optional<Ray>> UnprojectBlock(
+    const CameraModel& model,
+    const double* params,
+    const double* /*config*/,
+    std::span<const std::array<double, kMaxObservationSize>> values) {
+  RowMajor pixels(values.size(), 2);
+  for (Eigen::Index i = 0; i < pixels.rows(); ++i) {
+    pixels.row(i) = Eigen::Map<const Eigen::RowVector2d>(values[static_cast<size_t>(i)].data());
+  }
+  const auto n = static_cast<Eigen::Index>(model.params.size());
+  std::vector<std::optional<Ray>> rays(values.size());
+  CallModel([&] {
+    const RowMajor directions =
+        FromArray(PythonModelOf(model).object.attr("_unproject_rows")(
+                      AsArray(Eigen::Map<const RowMajor>(params, 1, n)), AsArray(pixels)),
+                  3);
+    for (Eigen::Index i = 0; i < pixels.rows(); ++i) {
+      const auto unit = UnitDirection(directions.row(i).transpose());
+      if (unit) rays[static_cast<size_t>(i)] = Ray{Eigen::Vector3d::Zero(), *unit};
+    }
+  });
+  return rays;
+}
+
 std::optional<Ray> UnprojectOne(const CameraModel& model,
                                 const double* params,
-                                const double* /*config*/,
+                                const double* config,
                                 const double* values) {
-  const auto n = static_cast<Eigen::Index>(model.params.size());
-  std::optional<Ray> ray;
-  CallModel([&] {
-    const RowMajor direction = FromArray(PythonModelOf(model).object.attr("_unproject_rows")(
-                                             AsArray(Eigen::Map<const RowMajor>(params, 1, n)),
-                                             AsArray(Eigen::Map<const RowMajor>(values, 1, 2))),
-                                         3);
-    const auto unit = UnitDirection(direction.row(0).transpose());
-    if (unit) ray = Ray{Eigen::Vector3d::Zero(), *unit};
-  });
-  return ray;
+  std::array<double, kMaxObservationSize> pixel{values[0], values[1]};
+  return UnprojectBlock(model, params, config, {&pixel, 1})[0];
 }
 
 std::vector<StartCandidate> Start(const CameraModel& model, const StartProblem& problem) {
@@ -270,7 +279,8 @@ CameraModel TableOf(const PythonModel& own, ImageSize size) {
                         .unproject = &UnprojectOne,
                         .start = &Start,
                         .misfit = &CentralModel::JudgeFit,
-                        .project_block = &ProjectBlock},
+                        .project_block = &ProjectBlock,
+                        .unproject_block = &UnprojectBlock},
           .self = &own,
           .homogeneous = true};
 }

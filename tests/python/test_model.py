@@ -75,8 +75,26 @@ class WithJacobian(Stereographic):
         return at(values).real, J[:, :6], J[:, 6:]
 
 
+class WithArrays(Stereographic):
+    name = "py-stereographic-arrays"
+    calls = 0
+
+    def jacobian(self, params: Sequence[float], point: Sequence[Any]) -> tuple[Any, Any, Any]:
+        WithArrays.calls += 1
+        values = np.array([*(np.full(len(point[0]), v) for v in params), *point], dtype=complex)
+        step = 1e-150
+        slopes = []
+        for i in range(9):
+            moved = values.copy()
+            moved[i] += 1j * step
+            slopes.append(np.stack(self.project(moved[:6], moved[6:]), 1).imag / step)
+        J = np.stack(slopes, 2)
+        return np.stack(self.project(values[:6], values[6:]), 1).real, J[:, :, :6], J[:, :, 6:]
+
+
 plenocal.register(Stereographic)
 plenocal.register(WithJacobian)
+plenocal.register(WithArrays)
 
 
 def simulate(folder: pathlib.Path, model: str) -> plenocal.Session:
@@ -87,7 +105,7 @@ def simulate(folder: pathlib.Path, model: str) -> plenocal.Session:
     return plenocal.simulate(folder / "spec.yaml", folder / "set", points=True)
 
 
-@pytest.mark.parametrize("model", [Stereographic, WithJacobian])
+@pytest.mark.parametrize("model", [Stereographic, WithJacobian, WithArrays])
 def test_passes_the_checks_of_the_models(model: type[plenocal.CameraModel]) -> None:
     text = plenocal.check_model(model.name)
     assert text.count("holds") == 11
@@ -101,12 +119,13 @@ def test_projects_inverts_and_differentiates() -> None:
     assert inside.sum() > 40
     directions = points[inside] / np.linalg.norm(points[inside], axis=1, keepdims=True)
     np.testing.assert_allclose(camera.unproject(pixels[inside]), directions, atol=1e-8)
-    given = plenocal.Camera(WithJacobian.name, (640, 480), Stereographic.example)
-    before = WithJacobian.calls
-    a, b = camera.jacobian(points[inside]), given.jacobian(points[inside])
-    assert WithJacobian.calls == before + inside.sum()
-    np.testing.assert_allclose(a.by_params, b.by_params, rtol=1e-7, atol=1e-6)
-    np.testing.assert_allclose(a.by_point, b.by_point, rtol=1e-7, atol=1e-6)
+    a = camera.jacobian(points[inside])
+    for model, calls in ((WithJacobian, inside.sum()), (WithArrays, 1)):
+        before = model.calls
+        b = plenocal.Camera(model.name, (640, 480), model.example).jacobian(points[inside])
+        assert model.calls == before + calls
+        np.testing.assert_allclose(a.by_params, b.by_params, rtol=1e-7, atol=1e-6)
+        np.testing.assert_allclose(a.by_point, b.by_point, rtol=1e-7, atol=1e-6)
 
 
 class Counting(Stereographic):

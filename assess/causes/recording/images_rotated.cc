@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
+#include <span>
 
 #include "assess/causes/cause.h"
 #include "assess/causes/residual_tests.h"
@@ -70,15 +72,12 @@ bool IsUpsideDown(const BundleCamera& camera,
   return FTail(ratio * ratio, degrees, degrees) < kRotatedLevel;
 }
 
-// Median length of the residuals of the observations [begin, end), px; infinite where most have
-// none.
-double MedianResidual(const Bundle& bundle, size_t begin, size_t end) {
+// Median length of residuals, px; infinite where most are NaN.
+double MedianResidual(std::span<const std::array<double, kMaxObservationSize>> residuals) {
   std::vector<double> lengths;
-  for (size_t i = begin; i < end; ++i) {
-    double residual[kMaxObservationSize];
-    lengths.push_back(Residual(bundle, bundle.observations[i], residual)
-                          ? std::hypot(residual[0], residual[1])
-                          : std::numeric_limits<double>::infinity());
+  for (const auto& residual : residuals) {
+    lengths.push_back(std::isnan(residual[0]) ? std::numeric_limits<double>::infinity()
+                                              : std::hypot(residual[0], residual[1]));
   }
   return Median(std::move(lengths));
 }
@@ -93,13 +92,14 @@ std::vector<Finding> FindRotatedImages(const CauseEvidence& evidence) {
   Positions markers;
   for (const BundleMarker& marker : bundle.markers) markers[marker.number] = marker.position;
   const double noise = calibration.fits[c].noise_sigma;
+  const auto residuals = Residuals(bundle, c);
   size_t views = 0;
   std::vector<std::string> names;
   for (size_t begin = 0, end = 0; begin < bundle.observations.size(); begin = end) {
     end = EndOfView(bundle.observations, begin);
     if (bundle.observations[begin].camera != static_cast<int>(c)) continue;
     ++views;
-    if (MedianResidual(bundle, begin, end) < kFits * noise) continue;
+    if (MedianResidual(std::span(residuals).subspan(begin, end - begin)) < kFits * noise) continue;
     View view;
     for (size_t i = begin; i < end; ++i) {
       const BundleObservation& observation = bundle.observations[i];
