@@ -23,8 +23,11 @@ size_t CountUsed(const Bundle& bundle, size_t camera) {
       }));
 }
 
-ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const> observations) {
-  const BundleObservation& first = *observations.front();
+// Of every `step`th used observation of a view.
+ViewRows MakeView(const Bundle& bundle,
+                  std::span<const BundleObservation> observations,
+                  size_t step) {
+  const BundleObservation& first = observations.front();
   const BundleCamera& camera = bundle.cameras[static_cast<size_t>(first.camera)];
   const internal::LinearisedView linearised =
       internal::ViewOf(bundle, static_cast<size_t>(first.frame), static_cast<size_t>(first.camera));
@@ -36,23 +39,26 @@ ViewRows MakeView(const Bundle& bundle, std::span<const BundleObservation* const
                 .noise = Eigen::VectorXd(most),
                 .markers = {},
                 .marker = {}};
+  internal::MarkerRows rows(camera, {.pose = true});
+  rows.Prepare(linearised, observations, bundle.markers);
   Eigen::Index count = 0;
-  for (const BundleObservation* observation : observations) {
+  size_t used = 0;
+  for (const BundleObservation& observation : observations) {
+    if (!observation.used || used++ % step != 0) continue;
     Eigen::Matrix<double, 2, 6, Eigen::RowMajor> J;
     Eigen::Vector2d r;
-    if (!internal::Linearise(camera,
-                             linearised,
-                             bundle.markers[static_cast<size_t>(observation->marker)].position,
-                             *observation,
-                             {.residual = r.data(), .J_pose = J.data()})) {
+    if (!rows.Linearise(linearised,
+                        bundle.markers[static_cast<size_t>(observation.marker)].position,
+                        observation,
+                        {.residual = r.data(), .J_pose = J.data()})) {
       continue;
     }
     view.residual.segment<2>(2 * count) = r;
     view.pose.middleRows<2>(2 * count) = J;
-    view.noise[count] = camera.noise.OwnSigma(observation->assumed_sigma);
-    view.position.row(count) << observation->seen.values[0], observation->seen.values[1];
+    view.noise[count] = camera.noise.OwnSigma(observation.assumed_sigma);
+    view.position.row(count) << observation.seen.values[0], observation.seen.values[1];
     view.position.row(count) -= view.noise[count] * r.transpose();
-    view.markers.push_back(observation->marker);
+    view.markers.push_back(observation.marker);
     ++count;
   }
   view.residual.conservativeResize(2 * count);
@@ -74,13 +80,7 @@ std::vector<ViewRows> RowsOfViews(const Bundle& bundle, size_t camera) {
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     end = EndOfView(observations, begin);
     if (observations[begin].camera != static_cast<int>(camera)) continue;
-    std::vector<const BundleObservation*> chosen;
-    size_t used = 0;
-    for (size_t i = begin; i < end; ++i) {
-      if (observations[i].used && used++ % step == 0) chosen.push_back(&observations[i]);
-    }
-    if (chosen.empty()) continue;
-    ViewRows view = MakeView(bundle, chosen);
+    ViewRows view = MakeView(bundle, std::span(observations).subspan(begin, end - begin), step);
     if (view.noise.size() >= kLeastObservations) views.push_back(std::move(view));
   }
   return views;

@@ -223,11 +223,11 @@ void MarkerRows::Prepare(const LinearisedView& view,
       {.predicted = predicted_.data(), .J_params = wanted(J_params_), .J_point = wanted(J_point_)});
 }
 
-bool MarkerRows::Set(const LinearisedView& view,
-                     const Eigen::Vector3d& p_target,
-                     const BundleObservation& observation,
-                     const LinearisedRows& out) const {
-  if (prepared_.empty()) return Linearise(camera_, view, p_target, observation, out);
+bool MarkerRows::Linearise(const LinearisedView& view,
+                           const Eigen::Vector3d& p_target,
+                           const BundleObservation& observation,
+                           const LinearisedRows& out) const {
+  if (prepared_.empty()) return internal::Linearise(camera_, view, p_target, observation, out);
   const auto place = static_cast<size_t>(&observation - prepared_.data());
   const size_t rows = camera_.model->measured.size(), width = rows * camera_.model->params.size();
   const double* const predicted = predicted_.data() + rows * place;
@@ -255,11 +255,11 @@ bool MarkerRows::Load(const LinearisedView& view,
   for (const BundleObservation& observation : of_marker) {
     if (!observation.used) continue;
     const LinearisedRows out = Next();
-    if (!Set(view, p_target, observation, out)) {
+    if (!Linearise(view, p_target, observation, out)) {
       // Within rounding of the edge of the domain, where a step has ended, derivatives may not
       // exist although the residual does; the point then does not count for the next step.
       if (!out.HasDerivatives() ||
-          !Linearise(camera_, view, p_target, observation, {.residual = out.residual})) {
+          !internal::Linearise(camera_, view, p_target, observation, {.residual = out.residual})) {
         complete = false;
         continue;
       }

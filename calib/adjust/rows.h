@@ -98,6 +98,12 @@ class MarkerRows {
                std::span<const BundleObservation> of_view,
                std::span<const BundleMarker> markers);
 
+  /// As `internal::Linearise`, without another projection where the observation is prepared.
+  bool Linearise(const LinearisedView& view,
+                 const Eigen::Vector3d& p_target,
+                 const BundleObservation& observation,
+                 const LinearisedRows& out) const;
+
   /// Loads the used ones of `of_marker`; false where one does not project.
   bool Load(const LinearisedView& view,
             const Eigen::Vector3d& p_target,
@@ -124,11 +130,6 @@ class MarkerRows {
     return {data.data(), count_, width};
   }
   [[nodiscard]] LinearisedRows Next();
-  // `Linearise`, of a prepared observation without a projection.
-  bool Set(const LinearisedView& view,
-           const Eigen::Vector3d& p_target,
-           const BundleObservation& observation,
-           const LinearisedRows& out) const;
   // Applies `loss` to the rows of one observation; returns the factor on their weight.
   double Robustify(const RobustLoss& loss, double assumed_sigma, const LinearisedRows& rows) const;
   void Whiten();

@@ -87,9 +87,9 @@ class WithArrays(Stereographic):
         for i in range(9):
             moved = values.copy()
             moved[i] += 1j * step
-            slopes.append(np.stack(self.project(moved[:6], moved[6:]), 1).imag / step)
+            slopes.append(np.stack(self.project(list(moved[:6]), list(moved[6:])), 1).imag / step)
         J = np.stack(slopes, 2)
-        return np.stack(self.project(values[:6], values[6:]), 1).real, J[:, :, :6], J[:, :, 6:]
+        return np.stack(self.project(list(values[:6]), list(values[6:])), 1).real, J[:, :, :6], J[:, :, 6:]
 
 
 plenocal.register(Stereographic)

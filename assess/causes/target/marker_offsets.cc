@@ -50,56 +50,61 @@ struct Sums {
   int count = 0;
 };
 
-// Adds one observation's residual and its derivative by a displacement along the axes.
-void AddResidual(const Bundle& bundle,
-                 const BundleObservation& observation,
-                 const Axes& axes,
-                 Sums* sums) {
-  const auto c = static_cast<size_t>(observation.camera);
+// Of the residuals of each marker in each view of a camera, by its first observation, with their
+// derivatives by a displacement along the axes.
+std::map<size_t, Sums> SumsOfMarkers(const Bundle& bundle,
+                                     size_t c,
+                                     const std::map<int, Axes>& axes_of) {
+  struct Place {
+    size_t first;  // observation
+    Axes axes;     // in the camera's frame
+  };
+  std::map<size_t, Sums> sums;
   const BundleCamera& camera = bundle.cameras[c];
-  if (camera.model->measured.size() != 2) return;
-  const RigidTransform T =
-      camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(observation.frame), c);
-  ProjectionJacobian projected;
-  if (!Differentiate(camera,
-                     observation.seen.values.data(),
-                     T * bundle.markers[static_cast<size_t>(observation.marker)].position,
-                     &projected)) {
-    return;
-  }
-  const Eigen::Vector2d residual =
-      Eigen::Map<const Eigen::Vector2d>(observation.seen.values.data()) - projected.predicted;
-  const Eigen::Matrix2d J = projected.by_point * T.R * axes;
-  sums->square += J.transpose() * J;
-  sums->right += J.transpose() * residual;
-  ++sums->count;
-}
-
-// Offsets of the markers of `axes_of`, in all views.
-std::map<int, Offsets> MeasureOffsets(const Bundle& bundle, const std::map<int, Axes>& axes_of) {
-  std::map<int, Offsets> offsets;
+  if (camera.model->measured.size() != 2) return sums;
+  std::vector<ObservedPoint> points;
+  std::vector<Place> places;
   const std::vector<BundleObservation>& observations = bundle.observations;
   for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
     end = EndOfMarker(observations, begin);
     const BundleObservation& first = observations[begin];
     const BundleMarker& marker = bundle.markers[static_cast<size_t>(first.marker)];
     const auto axes = axes_of.find(marker.number);
-    if (axes == axes_of.end()) continue;
-    Sums sums;
+    if (first.camera != static_cast<int>(c) || axes == axes_of.end()) continue;
+    const RigidTransform T =
+        camera.T_camera_rig * bundle.SeenPose(static_cast<size_t>(first.frame), c);
     for (size_t i = begin; i < end; ++i) {
-      AddResidual(bundle, observations[i], axes->second, &sums);
+      points.push_back({observations[i].seen.values, T * marker.position});
+      places.push_back({begin, T.R * axes->second});
     }
-    // A plane seen edge on.
-    constexpr double kSteep = 1e-3;
-    if (sums.count == 0 ||
-        !(sums.square.determinant() > kSteep * std::pow(sums.square.trace(), 2))) {
-      continue;
+  }
+  DifferentiateEach(camera, points, [&](size_t i, const ProjectionJacobian& projected) {
+    const Eigen::Vector2d residual =
+        Eigen::Map<const Eigen::Vector2d>(points[i].values.data()) - projected.predicted;
+    const Eigen::Matrix2d J = projected.by_point * places[i].axes;
+    Sums& of_marker = sums[places[i].first];
+    of_marker.square += J.transpose() * J;
+    of_marker.right += J.transpose() * residual;
+    ++of_marker.count;
+  });
+  return sums;
+}
+
+// Offsets of the markers of `axes_of`, in all views.
+std::map<int, Offsets> MeasureOffsets(const Bundle& bundle, const std::map<int, Axes>& axes_of) {
+  std::map<int, Offsets> offsets;
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    for (const auto& [place, sums] : SumsOfMarkers(bundle, c, axes_of)) {
+      // A plane seen edge on.
+      constexpr double kSteep = 1e-3;
+      if (!(sums.square.determinant() > kSteep * std::pow(sums.square.trace(), 2))) continue;
+      const BundleObservation& first = bundle.observations[place];
+      const BundleMarker& marker = bundle.markers[static_cast<size_t>(first.marker)];
+      Offset& offset = offsets[marker.number][bundle.View(static_cast<size_t>(first.frame), c)];
+      offset.offset = sums.square.inverse() * sums.right +
+                      axes_of.at(marker.number).transpose() * (marker.position - marker.nominal);
+      offset.gain = std::sqrt(sums.square.trace() / 2 / sums.count);
     }
-    const auto camera = static_cast<size_t>(first.camera);
-    Offset& offset = offsets[marker.number][bundle.View(static_cast<size_t>(first.frame), camera)];
-    offset.offset = sums.square.inverse() * sums.right +
-                    axes->second.transpose() * (marker.position - marker.nominal);
-    offset.gain = std::sqrt(sums.square.trace() / 2 / sums.count);
   }
   return offsets;
 }
