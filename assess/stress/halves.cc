@@ -2,11 +2,11 @@
 #include "assess/stress/halves.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <span>
 
 #include "assess/projection.h"
-#include "calib/base/linear_algebra.h"
+#include "calib/adjust/poses.h"
 #include "calib/base/statistics.h"
 #include "calib/estimate/describe.h"
 #include "calib/noise/matrix_root.h"
@@ -14,25 +14,25 @@
 namespace plenocal {
 namespace {
 
-// Of the difference between two estimates of the same parameters.
-double ProbabilityOfDifference(const CalibratedCamera& a,
-                               const CalibratedCamera& b,
-                               double degrees) {
-  Eigen::VectorXd difference(std::ssize(a.params));
-  for (size_t k = 0; k < a.params.size(); ++k) {
-    difference[static_cast<Eigen::Index>(k)] = b.params[k] - a.params[k];
-  }
-  const Eigen::MatrixXd root = InverseRoot(a.covariance + b.covariance);
-  const auto count = static_cast<double>(root.cols());
-  return FTail((root.transpose() * difference).squaredNorm() / count, count, degrees);
-}
-
-// Over the same positions in the image and distances for both halves.
+// The half with points and poses of all, to compare both halves at the same places and distances.
 Calibration AtPointsOf(const Calibration& all, const Calibration& half) {
   Calibration result = half;
   result.bundle.observations = all.bundle.observations;
   result.bundle.T_rig_target = all.bundle.T_rig_target;
   return result;
+}
+
+// RMS residual of the points of `part`, whose frames get poses and nothing else.
+double RmsPredicted(const Calibration& trained,
+                    const Bundle& all,
+                    const PartOfObservations& part,
+                    size_t camera) {
+  Bundle bundle = all;
+  bundle.cameras = trained.bundle.cameras;
+  bundle.markers = trained.bundle.markers;
+  UsePart(all, part, &bundle);
+  AdjustPoses(&bundle, std::vector<bool>(bundle.T_rig_target.size(), true));
+  return RmsResidual(bundle, camera);
 }
 
 }  // namespace
@@ -42,34 +42,30 @@ void CompareHalves(const Calibration& all,
                    const std::array<PartCalibration, 2>& halves,
                    size_t camera,
                    StressTest* test) {
-  const std::array<size_t, 1> cameras{camera};
-  std::array<Calibration, 2> at_points;
-  std::array<CalibratedCamera, 2> described;
-  std::array<double, 2> sigmas{};
-  ResidualSum own, others;
-  for (size_t h = 0; h < 2; ++h) {
-    described[h] = DescribeCamera(halves[h].calibration, camera);
-    if (!described[h].covariance.allFinite()) {
-      test->failure = "a half leaves parameters open";
-      return;
-    }
-    at_points[h] = AtPointsOf(all, halves[h].calibration);
-    sigmas[h] = SupportedSigma(at_points[h], cameras);
-    own += SumResiduals(halves[h].calibration.bundle, camera);
-    PartOfObservations other = first;
-    if (h == 0) other.flip();
-    others +=
-        SumResiduals(WithOwnPoses(halves[h].calibration.bundle, all.bundle, other), camera);
+  const std::span cameras(&camera, 1);
+  PartOfObservations second = first;
+  second.flip();
+  const Calibration a = AtPointsOf(all, halves[0].calibration),
+                    b = AtPointsOf(all, halves[1].calibration);
+  const CalibratedCamera of_a = DescribeCamera(a, camera), of_b = DescribeCamera(b, camera);
+  if (!of_a.covariance.allFinite() || !of_b.covariance.allFinite()) {
+    test->failure = "a half leaves parameters open";
+    return;
   }
-  test->points = static_cast<size_t>(others.points);
-  test->factor = others.Rms() / own.Rms();
-  test->difference = SupportedDifference(at_points[0], at_points[1], cameras);
-  test->predicted = std::hypot(sigmas[0], sigmas[1]);
-  test->ratio = test->difference / (sigmas[0] + sigmas[1]);
-  test->probability = ProbabilityOfDifference(
-      described[0],
-      described[1],
-      std::min(halves[0].degrees[camera], halves[1].degrees[camera]));
+  test->difference = SupportedDifference(a, b, cameras);
+  test->predicted = std::hypot(SupportedSigma(a, cameras), SupportedSigma(b, cameras));
+  test->factor = std::hypot(RmsPredicted(a, all.bundle, second, camera),
+                            RmsPredicted(b, all.bundle, first, camera)) /
+                 std::hypot(RmsResidual(halves[0].calibration.bundle, camera),
+                            RmsResidual(halves[1].calibration.bundle, camera));
+  const auto count = static_cast<Eigen::Index>(of_a.params.size());
+  const Eigen::VectorXd difference = Eigen::VectorXd::Map(of_b.params.data(), count) -
+                                     Eigen::VectorXd::Map(of_a.params.data(), count);
+  const Eigen::MatrixXd root = InverseRoot(of_a.covariance + of_b.covariance);
+  const auto rank = static_cast<double>(root.cols());
+  test->probability = FTail((root.transpose() * difference).squaredNorm() / rank,
+                            rank,
+                            std::min(halves[0].degrees[camera], halves[1].degrees[camera]));
 }
 
 }  // namespace plenocal

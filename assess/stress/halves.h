@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Two calibrations of a camera from disjoint halves of its points.
+// Two calibrations of a camera from disjoint halves of its frames.
 #pragma once
+
+#include <array>
 
 #include "assess/stress/part_calibration.h"
 #include "assess/stress/stress.h"
 
 namespace plenocal {
 
-/// Fills in what the halves of a camera's points in `all` show; `test` has camera and split.
+/// Sets the results or the failure of `test`. The difference of the parameters is tested against
+/// both covariances. `first`: the points of the first half.
 void CompareHalves(const Calibration& all,
                    const PartOfObservations& first,
                    const std::array<PartCalibration, 2>& halves,

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "assess/stress/left_out_region.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <map>
-#include <optional>
-#include <utility>
+#include <vector>
 
 #include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
@@ -18,122 +18,141 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using PoseColumns = Eigen::Matrix<double, Eigen::Dynamic, 6>;
 
-// Whitened rows of the points that share a pose.
-struct PoseRows {
-  PoseColumns pose;
-  MatrixXd unknowns;  // by those before the markers, markers at their best
-  VectorXd residual;
-  std::vector<size_t> camera;  // per row
+// Points that the others predict worse than this, in standard deviations of their noise, are
+// beyond the linear prediction: a pose from a few points, or from a line of them.
+constexpr double kLargestSigma = 20;
+
+// Sums over the rows of one pose. G: derivatives by the unknowns before the markers.
+struct PoseSums {
+  Matrix6d information = Matrix6d::Zero();
+  MatrixXd pose_G;
+  Vector6d pose_r = Vector6d::Zero();
+
+  template <typename Pose>
+  void Add(const Pose& P, const MatrixXd& G, const VectorXd& r) {
+    if (pose_G.size() == 0) pose_G = MatrixXd::Zero(6, G.cols());
+    information += P.transpose() * P;
+    pose_G += P.transpose() * G;
+    pose_r += P.transpose() * r;
+  }
 };
 
-// Collects the rows of each frame, or of each view where every view has a pose of its own: a
-// visitor of rows.
-class CollectRows {
+// Sums over the rows of a camera: of the points of the calibration, and of the left-out ones.
+struct RegionSums {
+  double inside_squares = 0, inside_rows = 0;
+  double squares = 0, variances = 0, rows = 0;
+};
+
+// Walks over whitened rows: of the points of the calibration, then of the left-out ones.
+class RegionRows {
  public:
-  CollectRows(const Calibration& calibration, const internal::UnknownLayout& layout)
+  RegionRows(const Calibration& calibration, size_t camera)
       : bundle_(calibration.bundle),
-        layout_(layout),
         gain_(calibration.uncertainty.marker_gain),
-        by_view_(bundle_.EstimatesJitter() || !bundle_.motion.empty()) {}
+        covariance_(calibration.uncertainty.covariance),
+        root_(Root(covariance_)),
+        camera_(camera),
+        layout_(internal::MakeLayout(bundle_)),
+        score_(VectorXd::Zero(layout_.head)),
+        information_(MatrixXd::Zero(layout_.head, layout_.head)) {
+    Walk(bundle_);
+    for (const auto& [pose, sums] : inside_) {
+      const MatrixXd root = InverseRoot(MatrixXd(sums.information));
+      if (root.cols() == 6) poses_[pose] = {root, root * root.transpose() * sums.pose_G};
+    }
+  }
+
+  void Predict(const Bundle& left_out) {
+    predicts_ = true;
+    Walk(left_out);
+    for (const auto& [pose, sums] : outside_) {
+      const MatrixXd by_pose =
+          SolveSymmetric(Matrix6d(inside_[pose].information + sums.information), sums.pose_G);
+      score_ -= by_pose.transpose() * sums.pose_r;
+      information_ -= sums.pose_G.transpose() * by_pose;
+    }
+  }
+
+  [[nodiscard]] const RegionSums& Sums() const { return sums_; }
+
+  /// Of so large a score of the camera's unknowns by errors alone.
+  [[nodiscard]] double Probability(double degrees) const {
+    const std::vector<int> own = internal::UnknownsOf(layout_, camera_);
+    const MatrixXd covariance = information_ + information_ * covariance_ * information_;
+    const MatrixXd root = InverseRoot(MatrixXd(covariance(own, own)));
+    const auto rank = static_cast<double>(root.cols());
+    return FTail((root.transpose() * score_(own)).squaredNorm() / rank, rank, degrees);
+  }
 
   void Marker(const internal::VisitedView& view, const internal::MarkerRows& rows) {
-    const size_t pose = by_view_ ? bundle_.View(view.frame, view.camera) : view.frame;
-    MatrixXd by_unknowns = MatrixXd::Zero(rows.Count(), layout_.head);
-    internal::ForEachDerivative(
-        bundle_, layout_, view.camera, rows, [&](int first, const auto& J) {
-          if (first < layout_.head) {
-            by_unknowns.middleCols(first, J.cols()) += J;
-          } else {
-            by_unknowns -= J * gain_.middleRows(first - layout_.head, J.cols());
-          }
-        });
-    marker_rows_[pose].push_back({rows.Pose(),
-                                  std::move(by_unknowns),
-                                  rows.Residual(),
-                                  std::vector<size_t>(static_cast<size_t>(rows.Count()), view.camera)});
+    const bool by_view = bundle_.EstimatesJitter() || !bundle_.motion.empty();
+    const size_t pose = by_view ? bundle_.View(view.frame, view.camera) : view.frame;
+    const VectorXd r = rows.Residual();
+    MatrixXd G = ByUnknowns(view.camera, rows);
+    if (!predicts_) {
+      inside_[pose].Add(rows.Pose(), G, r);
+      if (view.camera != camera_) return;
+      sums_.inside_squares += r.squaredNorm();
+      sums_.inside_rows += static_cast<double>(r.size());
+      return;
+    }
+    const auto known = poses_.find(pose);
+    if (known == poses_.end()) return;
+    G -= rows.Pose() * known->second.by_unknowns;
+    const VectorXd variance = 1 + (G * root_).rowwise().squaredNorm().array() +
+                              (rows.Pose() * known->second.root).rowwise().squaredNorm().array();
+    if (variance.maxCoeff() > kLargestSigma * kLargestSigma) return;
+    outside_[pose].Add(rows.Pose(), G, r);
+    score_ += G.transpose() * r;
+    information_ += G.transpose() * G;
+    if (view.camera != camera_) return;
+    sums_.squares += r.squaredNorm();
+    sums_.variances += variance.sum();
+    sums_.rows += static_cast<double>(r.size());
   }
   void EndView(const internal::VisitedView& /*view*/) {}
   void EndFrame(size_t /*frame*/) {}
 
-  [[nodiscard]] const std::map<size_t, std::vector<PoseRows>>& ByPose() const {
-    return marker_rows_;
-  }
-
  private:
-  const Bundle& bundle_;
-  const internal::UnknownLayout& layout_;
-  const MatrixXd& gain_;
-  bool by_view_;
-  std::map<size_t, std::vector<PoseRows>> marker_rows_;
-};
+  // A pose by the points of the calibration.
+  struct Pose {
+    MatrixXd root;         // N N': its covariance with the unknowns as they are
+    MatrixXd by_unknowns;  // -d pose / d unknowns
+  };
 
-// What the remaining points tell of a pose: its information, and -d pose / d unknowns.
-struct KnownPose {
-  Matrix6d information = Matrix6d::Zero();
-  MatrixXd by_unknowns;
-};
-
-std::optional<KnownPose> PoseFrom(const std::vector<PoseRows>& markers) {
-  constexpr Eigen::Index kFewestRows = 12;  // a pose and as many degrees again
-  KnownPose known;
-  known.by_unknowns = MatrixXd::Zero(6, markers.front().unknowns.cols());
-  Eigen::Index count = 0;
-  for (const PoseRows& rows : markers) {
-    known.information += rows.pose.transpose() * rows.pose;
-    known.by_unknowns += rows.pose.transpose() * rows.unknowns;
-    count += rows.residual.size();
+  void Walk(const Bundle& bundle) {
+    internal::RowWalk(
+        bundle, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
+        .Visit(*this);
   }
-  const std::optional<MatrixXd> solved = SolvePositive(known.information, known.by_unknowns);
-  if (!solved || count < kFewestRows) return std::nullopt;
-  known.by_unknowns = *solved;
-  return known;
-}
 
-// Sums over the left-out points.
-struct RegionSums {
-  VectorXd score;        // by the unknowns, poses at their best
-  MatrixXd information;  // likewise
-  double squares = 0, count = 0;  // of residuals in predicted standard deviations
-
-  // `covariance`: of the unknowns.
-  void Add(const std::vector<PoseRows>& markers,
-           const KnownPose& known,
-           size_t camera,
-           const MatrixXd& covariance) {
-    const Matrix6d pose_covariance = Inverse(known.information);
-    Matrix6d all = known.information;
-    MatrixXd pose_G = MatrixXd::Zero(6, score.size());
-    Vector6d pose_r = Vector6d::Zero();
-    for (const PoseRows& rows : markers) {
-      const MatrixXd G = rows.unknowns - rows.pose * known.by_unknowns;
-      all += rows.pose.transpose() * rows.pose;
-      pose_G += rows.pose.transpose() * G;
-      pose_r += rows.pose.transpose() * rows.residual;
-      score += G.transpose() * rows.residual;
-      information += G.transpose() * G;
-      for (Eigen::Index i = 0; i < G.rows(); ++i) {
-        if (rows.camera[static_cast<size_t>(i)] != camera) continue;
-        const double variance = 1 + G.row(i).dot(G.row(i) * covariance) +
-                                rows.pose.row(i).dot(rows.pose.row(i) * pose_covariance);
-        squares += rows.residual[i] * rows.residual[i] / variance;
-        count += 1;
+  // Markers move to their best places.
+  [[nodiscard]] MatrixXd ByUnknowns(size_t camera, const internal::MarkerRows& rows) const {
+    MatrixXd G = MatrixXd::Zero(rows.Count(), layout_.head);
+    internal::ForEachDerivative(bundle_, layout_, camera, rows, [&](int first, const auto& J) {
+      if (first < layout_.head) {
+        G.middleCols(first, J.cols()) += J;
+      } else {
+        G -= J * gain_.middleRows(first - layout_.head, J.cols());
       }
-    }
-    const MatrixXd by_pose = SolveSymmetric(all, pose_G);
-    score -= by_pose.transpose() * pose_r;
-    information -= pose_G.transpose() * by_pose;
+    });
+    return G;
   }
-};
 
-Bundle WithPoints(const Bundle& trained, const Bundle& all, const PartOfObservations& rest) {
-  Bundle bundle = trained;
-  for (size_t i = 0; i < rest.size(); ++i) {
-    bundle.observations[i].used = all.observations[i].used && !rest[i];
-  }
-  return bundle;
-}
+  const Bundle& bundle_;
+  const MatrixXd &gain_, &covariance_;
+  MatrixXd root_;  // of `covariance_`
+  size_t camera_;
+  internal::UnknownLayout layout_;
+  bool predicts_ = false;
+  std::map<size_t, PoseSums> inside_, outside_;
+  std::map<size_t, Pose> poses_;
+
+  RegionSums sums_;
+  VectorXd score_;        // of all left-out rows by the unknowns, poses at their best
+  MatrixXd information_;  // likewise
+};
 
 }  // namespace
 
@@ -143,44 +162,29 @@ void TestLeftOutRegion(const Calibration& all,
                        size_t camera,
                        StressTest* test) {
   const Calibration& calibration = trained.calibration;
-  const Uncertainty& uncertainty = calibration.uncertainty;
-  for (const double sigma : uncertainty.param_std_errors[camera]) {
-    if (std::isfinite(sigma)) continue;
+  const std::vector<double>& sigmas = calibration.uncertainty.param_std_errors[camera];
+  if (std::ranges::any_of(sigmas, [](double sigma) { return !std::isfinite(sigma); })) {
     test->failure = "the other points leave parameters open";
     return;
   }
-  const internal::UnknownLayout layout = internal::MakeLayout(calibration.bundle);
-  const Bundle left_out = WithPoints(calibration.bundle, all.bundle, rest);
-  const auto collect = [&](const Bundle& bundle) {
-    CollectRows rows(calibration, layout);
-    internal::RowWalk(bundle, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
-        .Visit(rows);
-    return rows;
-  };
-  const CollectRows inside = collect(calibration.bundle), outside = collect(left_out);
-  RegionSums sums{VectorXd::Zero(layout.head), MatrixXd::Zero(layout.head, layout.head)};
-  for (const auto& [pose, markers] : outside.ByPose()) {
-    const auto found = inside.ByPose().find(pose);
-    if (found == inside.ByPose().end()) continue;
-    const std::optional<KnownPose> known = PoseFrom(found->second);
-    if (known) sums.Add(markers, *known, camera, uncertainty.covariance);
+  Bundle left_out = calibration.bundle;
+  for (size_t i = 0; i < rest.size(); ++i) {
+    left_out.observations[i].used = all.bundle.observations[i].used && !rest[i];
   }
-  const ResidualSum of_left_out = SumResiduals(left_out, camera);
-  test->points = static_cast<size_t>(sums.count) / calibration.bundle.cameras[camera].model->measured.size();
-  if (test->points < kFewestPartPoints) {
-    test->failure = "fewer than 30 points there";
+  RegionRows rows(calibration, camera);
+  rows.Predict(left_out);
+  const RegionSums& sums = rows.Sums();
+  const size_t measured = calibration.bundle.cameras[camera].model->measured.size();
+  if (sums.rows < static_cast<double>(kFewestPartPoints * measured)) {
+    test->failure = fmt::format("the other points predict fewer than {} there", kFewestPartPoints);
     return;
   }
-  test->factor = of_left_out.Rms() / SumResiduals(calibration.bundle, camera).Rms();
-  test->square = sums.squares / sums.count;
-  const std::vector<int> own = internal::UnknownsOf(layout, camera);
-  const MatrixXd& I = sums.information;
-  const MatrixXd of_score = I + I * uncertainty.covariance * I;
-  const MatrixXd root = InverseRoot(MatrixXd(of_score(own, own)));
-  const auto count = static_cast<double>(root.cols());
-  test->probability = FTail((root.transpose() * sums.score(own)).squaredNorm() / count,
-                            count,
-                            trained.degrees[camera]);
+  const double rms = RmsResidual(calibration.bundle, camera);
+  const double inside = sums.inside_squares / sums.inside_rows;
+  test->factor = std::sqrt(sums.squares / sums.rows / inside);
+  test->difference = rms * test->factor;
+  test->predicted = rms * std::sqrt(sums.variances / sums.rows / inside);
+  test->probability = rows.Probability(trained.degrees[camera]);
 }
 
 }  // namespace plenocal

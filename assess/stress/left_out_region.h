@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Predictions of points in a part of the image from which a calibration had none.
+// Predictions of points in a region of the image from which a calibration had none.
 #pragma once
 
 #include "assess/stress/part_calibration.h"
@@ -8,8 +8,9 @@
 
 namespace plenocal {
 
-/// Fills in what points that are not in `rest`, with the poses from those that are, show of a
-/// camera's calibration without them.
+/// Sets the results or the failure of `test`: how well `trained`, with the points of `rest` alone,
+/// predicts the other points of a camera, poses from those of `rest`. Tested is their score by the
+/// camera's unknowns.
 void TestLeftOutRegion(const Calibration& all,
                        const PartOfObservations& rest,
                        const PartCalibration& trained,

@@ -4,9 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
-#include "calib/adjust/poses.h"
 #include "calib/adjust/solver/adjust.h"
 #include "calib/base/format_error.h"
 #include "calib/estimate/reject.h"
@@ -15,30 +13,26 @@
 namespace plenocal {
 namespace {
 
-void UsePart(const Bundle& all, const PartOfObservations& part, Bundle* bundle) {
-  for (size_t i = 0; i < part.size(); ++i) {
-    bundle->observations[i].used = all.observations[i].used && part[i];
-  }
-  DropWeakFrames(bundle);
-}
-
 void RequirePoints(const Bundle& bundle) {
   std::vector<size_t> points(bundle.cameras.size(), 0);
   for (const BundleObservation& observation : bundle.observations) {
     points[static_cast<size_t>(observation.camera)] += observation.used ? 1 : 0;
   }
-  if (std::ranges::min(points) >= kFewestPartPoints) return;
-  throw JobError("a part of the points has fewer than {}", kFewestPartPoints);
+  for (size_t c = 0; c < points.size(); ++c) {
+    if (points[c] >= kFewestPartPoints) continue;
+    throw JobError("a calibration with {} points of {}; it needs {}",
+                   points[c],
+                   bundle.cameras[c].name,
+                   kFewestPartPoints);
+  }
 }
 
 void ScaleUncertainty(PartCalibration* part) {
   Calibration& calibration = part->calibration;
-  const auto [of_frames, of_markers] =
-      EstimateScatter(calibration.bundle, calibration.uncertainty);
+  const auto [of_frames, of_markers] = EstimateScatter(calibration.bundle, calibration.uncertainty);
   std::vector<double> factors;
   for (size_t c = 0; c < of_frames.size(); ++c) {
-    factors.push_back(std::max(1.0, of_frames[c].factor) +
-                      std::max(0.0, of_markers[c].factor - 1));
+    factors.push_back(std::max(1.0, of_frames[c].factor) + std::max(0.0, of_markers[c].factor - 1));
     part->degrees.push_back(std::max(1.0, of_frames[c].degrees));
   }
   ScaleByScatter(factors, &calibration.uncertainty);
@@ -58,10 +52,11 @@ PartCalibration CalibratePart(const Calibration& all,
   UsePart(all.bundle, part, &calibration.bundle);
   try {
     RequirePoints(calibration.bundle);
-    const AdjustSummary summary = Adjust(&calibration.bundle,
-                                         {.loss = loss,
-                                          .cost_tolerance = 1e-9,
-                                          .on_iteration = [&](int, double) { return go_on(); }});
+    const AdjustSummary summary =
+        Adjust(&calibration.bundle,
+               {.loss = loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {
+                  return go_on();
+                }});
     if (summary.stopped) throw Stopped();
     if (!summary.usable) throw Error(ErrorKind::kJob, summary.message);
     calibration.uncertainty = EstimateUncertainty(calibration.bundle);
@@ -72,38 +67,26 @@ PartCalibration CalibratePart(const Calibration& all,
   return result;
 }
 
-void ResidualSum::operator+=(const ResidualSum& other) {
-  squares += other.squares;
-  points += other.points;
-  unseen += other.unseen;
+void UsePart(const Bundle& all, const PartOfObservations& part, Bundle* bundle) {
+  for (size_t i = 0; i < part.size(); ++i) {
+    bundle->observations[i].used = all.observations[i].used && part[i];
+  }
+  DropWeakFrames(bundle);
 }
 
-double ResidualSum::Rms() const { return std::sqrt(squares / points); }
-
-ResidualSum SumResiduals(const Bundle& bundle, size_t camera) {
-  ResidualSum sum;
+double RmsResidual(const Bundle& bundle, size_t camera) {
+  double squares = 0, points = 0;
+  const size_t measured = bundle.cameras[camera].model->measured.size();
   for (const BundleObservation& observation : bundle.observations) {
-    if (!observation.used || observation.camera != static_cast<int>(camera)) continue;
     std::array<double, kMaxObservationSize> residual{};
-    if (!Residual(bundle, observation, residual.data())) {
-      ++sum.unseen;
+    if (!observation.used || observation.camera != static_cast<int>(camera) ||
+        !Residual(bundle, observation, residual.data())) {
       continue;
     }
-    sum.points += 1;
-    for (size_t r = 0; r < bundle.cameras[camera].model->measured.size(); ++r) {
-      sum.squares += residual[r] * residual[r];
-    }
+    for (size_t r = 0; r < measured; ++r) squares += residual[r] * residual[r];
+    points += 1;
   }
-  return sum;
-}
-
-Bundle WithOwnPoses(const Bundle& trained, const Bundle& all, const PartOfObservations& part) {
-  Bundle bundle = all;
-  bundle.cameras = trained.cameras;
-  bundle.markers = trained.markers;
-  UsePart(all, part, &bundle);
-  AdjustPoses(&bundle, std::vector<bool>(bundle.T_rig_target.size(), true));
-  return bundle;
+  return std::sqrt(squares / points);
 }
 
 }  // namespace plenocal

@@ -32,20 +32,10 @@ PartCalibration CalibratePart(const Calibration& all,
                               Loss loss,
                               const std::function<bool()>& go_on);
 
-/// Lengths of the residuals of some points of a camera.
-struct ResidualSum {
-  double squares = 0, points = 0;  ///< px^2
-  size_t unseen = 0;               ///< outside of the model's domain
+/// Uses the observations of `part` that are used in `all`, of frames that have enough for a pose.
+void UsePart(const Bundle& all, const PartOfObservations& part, Bundle* bundle);
 
-  void operator+=(const ResidualSum& other);
-  [[nodiscard]] double Rms() const;
-};
-
-/// Of the used points.
-ResidualSum SumResiduals(const Bundle& bundle, size_t camera);
-
-/// The bundle with the points of `part` alone: cameras and markers of `trained`, poses from these
-/// points.
-Bundle WithOwnPoses(const Bundle& trained, const Bundle& all, const PartOfObservations& part);
+/// RMS length of the residuals of a camera's used points that project, px.
+double RmsResidual(const Bundle& bundle, size_t camera);
 
 }  // namespace plenocal

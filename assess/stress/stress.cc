@@ -7,8 +7,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numeric>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -24,17 +22,16 @@ namespace {
 
 constexpr double kFalseAlarms = 0.05;  // of all tests of a session
 constexpr size_t kFewestFrames = 8;
-// The near half's distance over the far half's. Of what changes between a distance and far away,
-// these halves differ by a tenth.
+// The quartiles of the frames' distances, near over far, of halves that differ enough: what grows
+// as the inverse of the distance differs between them by a tenth.
 constexpr double kMostAlike = 0.9;
-constexpr double kOuter = 0.7;  // of half the diagonal
+constexpr double kBorder = 0.7;  // of half the diagonal
 
-// Points of `part` against the others.
+// Points of `part` against the others; of a region, `part` are the points outside of it.
 struct Split {
-  StressKind kind = StressKind::kChance;
-  std::string name;
-  bool is_region = false;  // `part` are the points outside of it, from which alone is calibrated
-  PartOfObservations part = {};
+  StressKind kind = StressKind::kNoise;
+  std::string what;
+  PartOfObservations part;
   std::string failure = {};
 };
 
@@ -42,90 +39,111 @@ class Splits {
  public:
   Splits(const Bundle& bundle, std::span<const size_t> cameras)
       : bundle_(bundle), cameras_(cameras.begin(), cameras.end()) {
-    std::map<int, std::vector<double>> distances;  // by frame
     for (const BundleObservation& each : bundle.observations) {
       const auto c = static_cast<size_t>(each.camera);
       if (!each.used || !cameras_.contains(c)) continue;
-      const RigidTransform T = bundle.cameras[c].T_camera_rig *
-                               bundle.SeenPose(static_cast<size_t>(each.frame), c);
-      distances[each.frame].push_back(
-          (T * bundle.markers[static_cast<size_t>(each.marker)].position).norm());
+      const RigidTransform T =
+          bundle.cameras[c].T_camera_rig * bundle.SeenPose(static_cast<size_t>(each.frame), c);
+      const BundleMarker& marker = bundle.markers[static_cast<size_t>(each.marker)];
+      of_points_[each.frame].push_back((T * marker.position).norm());
     }
-    for (auto& [frame, of_points] : distances) {
-      place_[frame] = order_.size();
-      order_.push_back(Median(std::move(of_points)));
-    }
+    for (const auto& [frame, distances] : of_points_) distances_.push_back(Median(distances));
   }
-
-  [[nodiscard]] size_t Frames() const { return order_.size(); }
 
   [[nodiscard]] std::vector<Split> All() const {
     std::vector<Split> splits{
-        {StressKind::kChance, "odd/even", false, ByFrame([](size_t i) { return i % 2 == 0; })},
-        {StressKind::kTime,
-         "first/second",
-         false,
-         ByFrame([&](size_t i) { return 2 * i < order_.size(); })},
+        {StressKind::kNoise, "odd/even", ByFrame([](size_t i) { return i % 2 == 0; })},
+        {StressKind::kTime, "first/second", ByFrame([&](size_t i) {
+           return 2 * i < distances_.size();
+         })},
         NearAndFar()};
-    const auto add = [&](const char* name, bool is_region, const auto& has) {
-      splits.push_back({StressKind::kRegion, name, is_region, ByPlace(has)});
+    const auto leave_out = [&](const char* region, const auto& has) {
+      splits.push_back({StressKind::kRegion, region, Outside(has)});
     };
-    add("left/right", false, [](const Eigen::Vector2d& m) { return m.x() < 0; });
-    add("outside", true, [](const Eigen::Vector2d& m) { return m.norm() < kOuter; });
-    add("upper left", true, [](const Eigen::Vector2d& m) { return m.x() >= 0 || m.y() >= 0; });
-    add("upper right", true, [](const Eigen::Vector2d& m) { return m.x() < 0 || m.y() >= 0; });
-    add("lower left", true, [](const Eigen::Vector2d& m) { return m.x() >= 0 || m.y() < 0; });
-    add("lower right", true, [](const Eigen::Vector2d& m) { return m.x() < 0 || m.y() < 0; });
+    leave_out("border", [](double x, double y) { return std::hypot(x, y) > kBorder; });
+    leave_out("upper left", [](double x, double y) { return x < 0 && y < 0; });
+    leave_out("upper right", [](double x, double y) { return x >= 0 && y < 0; });
+    leave_out("lower left", [](double x, double y) { return x < 0 && y >= 0; });
+    leave_out("lower right", [](double x, double y) { return x >= 0 && y >= 0; });
+    if (distances_.size() >= kFewestFrames) return splits;
+    for (Split& split : splits) {
+      split.failure = fmt::format(
+          "{}; stress tests need {}", Counted(distances_.size(), "frame"), kFewestFrames);
+    }
     return splits;
   }
 
  private:
-  // `has` of a frame's place among those with points.
+  // Those of frames that `has`, given their place among frames with points.
   template <typename Has>
   [[nodiscard]] PartOfObservations ByFrame(const Has& has) const {
+    std::set<int> frames;
+    size_t place = 0;
+    for (const auto& [frame, distances] : of_points_) {
+      if (has(place++)) frames.insert(frame);
+    }
     PartOfObservations part;
     for (const BundleObservation& each : bundle_.observations) {
-      const auto found = place_.find(each.frame);
-      part.push_back(found != place_.end() && has(found->second));
+      part.push_back(frames.contains(each.frame));
     }
     return part;
   }
 
-  // `has` of a place in the image from its middle, half the diagonal long at the corners. Other
-  // cameras have all points in each part.
+  // Those outside of a region, which `has` places of the image from its middle, in halves of the
+  // diagonal. Other cameras have all points.
   template <typename Has>
-  [[nodiscard]] PartOfObservations ByPlace(const Has& has) const {
+  [[nodiscard]] PartOfObservations Outside(const Has& has) const {
     PartOfObservations part;
     for (const BundleObservation& each : bundle_.observations) {
       const auto c = static_cast<size_t>(each.camera);
       const ImageSize& size = bundle_.cameras[c].image_size;
       const Eigen::Vector2d half(size[0] / 2.0, size[1] / 2.0);
       const Eigen::Vector2d u(each.seen.values[0] + 0.5, each.seen.values[1] + 0.5);
-      part.push_back(!cameras_.contains(c) || has((u - half) / half.norm()));
+      const Eigen::Vector2d place = (u - half) / half.norm();
+      part.push_back(!cameras_.contains(c) || !has(place.x(), place.y()));
     }
     return part;
   }
 
   [[nodiscard]] Split NearAndFar() const {
-    Split split{StressKind::kDistance, "near/far"};
-    std::vector<size_t> sorted(order_.size());
-    std::iota(sorted.begin(), sorted.end(), size_t{0});
-    std::ranges::stable_sort(sorted, {}, [&](size_t i) { return order_[i]; });
-    const auto middle = static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    const std::set<size_t> near(sorted.begin(), sorted.begin() + middle);
-    split.part = ByFrame([&](size_t i) { return near.contains(i); });
-    const double ratio = order_[sorted[sorted.size() / 4]] / order_[sorted[3 * sorted.size() / 4]];
+    const double middle = Median(distances_);
+    Split split{StressKind::kDistance, "near/far", ByFrame([&](size_t i) {
+                  return distances_[i] < middle;
+                })};
+    const double ratio = Quantile(distances_, 0.25) / Quantile(distances_, 0.75);
     if (ratio > kMostAlike) {
-      split.failure = fmt::format("the frames' distances differ by {:.0f} % only", 100 / ratio - 100);
+      split.failure =
+          fmt::format("the distances of the frames differ by {:.0f} % only", 100 / ratio - 100);
     }
     return split;
   }
 
   const Bundle& bundle_;
   std::set<size_t> cameras_;
-  std::map<int, size_t> place_;
-  std::vector<double> order_;  // distances of the frames with points
+  std::map<int, std::vector<double>> of_points_;  // per frame: distances of its points
+  std::vector<double> distances_;                 // medians of these
 };
+
+StressTest TestSplit(const Calibration& calibration,
+                     size_t camera,
+                     const Split& split,
+                     const std::array<PartCalibration, 2>& parts) {
+  StressTest test{
+      .camera = calibration.bundle.cameras[camera].name, .kind = split.kind, .what = split.what};
+  for (const std::string& failure : {split.failure, parts[0].failure, parts[1].failure}) {
+    if (test.failure.empty()) test.failure = failure;
+  }
+  if (!test.failure.empty()) return test;
+  if (split.kind == StressKind::kRegion) {
+    TestLeftOutRegion(calibration, split.part, parts[0], camera, &test);
+  } else {
+    CompareHalves(calibration, split.part, parts, camera, &test);
+  }
+  const bool is_finite = std::isfinite(test.difference) && std::isfinite(test.predicted) &&
+                         std::isfinite(test.factor) && std::isfinite(test.probability);
+  if (!is_finite) test.failure = "the part is no calibration of the image";
+  return test;
+}
 
 void CorrectByHolm(std::vector<StressTest>* tests) {
   std::vector<StressTest*> sorted;
@@ -143,68 +161,54 @@ void CorrectByHolm(std::vector<StressTest>* tests) {
 
 }  // namespace
 
+std::string_view StressKindName(StressKind kind) {
+  constexpr std::array<std::string_view, 4> kNames{"noise", "time", "distance", "region"};
+  return kNames[static_cast<size_t>(kind)];
+}
+
 bool StressTest::Fails() const { return failure.empty() && probability < kFalseAlarms; }
 
-StressTests TestStress(const Calibration& calibration,
-                       std::span<const size_t> cameras,
-                       const StressOptions& options) {
-  StressTests result;
-  const Splits of_points(calibration.bundle, cameras);
-  if (of_points.Frames() < kFewestFrames) {
-    result.failure = fmt::format("{}; stress tests need {}",
-                                 Counted(of_points.Frames(), "frame"),
-                                 kFewestFrames);
-    return result;
-  }
-  const std::vector<Split> splits = of_points.All();
+std::vector<StressTest> TestStress(const Calibration& calibration,
+                                   std::span<const size_t> cameras,
+                                   const StressOptions& options) {
+  const std::vector<Split> splits = Splits(calibration.bundle, cameras).All();
   std::vector<std::array<PartCalibration, 2>> parts(splits.size());
   ParallelFor(2 * splits.size(), options.threads, [&](size_t i) {
     const Split& split = splits[i / 2];
-    if (!split.failure.empty() || (split.is_region && i % 2 == 1)) return;
+    if (!split.failure.empty() || (split.kind == StressKind::kRegion && i % 2 == 1)) return;
     PartOfObservations part = split.part;
     if (i % 2 == 1) part.flip();
     parts[i / 2][i % 2] = CalibratePart(calibration, part, options.loss, options.go_on);
   });
-  for (const size_t c : cameras) {
-    for (size_t s = 0; s < splits.size(); ++s) {
-      const auto& [first, second] = parts[s];
-      StressTest test{.camera = calibration.bundle.cameras[c].name,
-                      .kind = splits[s].kind,
-                      .split = splits[s].name};
-      test.failure = splits[s].failure + first.failure;
-      if (test.failure.empty()) test.failure = second.failure;
-      if (test.failure.empty() && splits[s].is_region) {
-        TestLeftOutRegion(calibration, splits[s].part, first, c, &test);
-      } else if (test.failure.empty()) {
-        CompareHalves(calibration, splits[s].part, parts[s], c, &test);
-      }
-      result.tests.push_back(std::move(test));
-    }
-  }
-  for (StressTest& t : result.tests) t.raw = t.probability;
-  CorrectByHolm(&result.tests);
-  return result;
+  std::vector<StressTest> tests(cameras.size() * splits.size());
+  ParallelFor(tests.size(), options.threads, [&](size_t i) {
+    const size_t s = i % splits.size();
+    tests[i] = TestSplit(calibration, cameras[i / splits.size()], splits[s], parts[s]);
+  });
+  CorrectByHolm(&tests);
+  return tests;
 }
 
-std::vector<std::string> StressReading(const StressTests& stress) {
-  std::map<std::string, std::set<StressKind>> failing;
-  for (const StressTest& test : stress.tests) {
-    if (test.Fails()) failing[test.camera].insert(test.kind);
+std::string StressReading(const std::vector<StressTest>& tests) {
+  constexpr std::array<std::pair<const char*, const char*>, 4> kReadings{
+      std::pair{"odd and even frames", "noise or outliers are misjudged"},
+      {"the first and second half of the frames", "the camera moved or warmed"},
+      {"near and far frames", "rays without a common origin (try +pupil), or focus that changes"},
+      {"regions of the image", "the model is too stiff there"}};
+  std::map<std::string, std::vector<StressTest>> failing;  // by camera
+  for (const StressTest& test : tests) {
+    if (test.Fails()) failing[test.camera].push_back(test);
   }
-  std::vector<std::string> lines;
-  for (const auto& [camera, kinds] : failing) {
-    const char* what =
-        kinds.contains(StressKind::kChance)
-            ? "odd and even frames differ: noise or outliers are misjudged"
-        : kinds.size() > 1 ? "several kinds"
-        : *kinds.begin() == StressKind::kTime
-            ? "only the recording's first and second half differ: the camera moved or warmed"
-        : *kinds.begin() == StressKind::kDistance
-            ? "only near and far frames differ: the camera is not central, or its focus breathes"
-            : "only regions of the image differ: the model is too stiff";
-    lines.push_back(fmt::format("{}: {}.", camera, what));
+  std::string text;
+  for (const auto& [camera, of_camera] : failing) {
+    const StressKind kind = std::ranges::min(of_camera, {}, &StressTest::probability).kind;
+    const auto count = std::ranges::count(of_camera, kind, &StressTest::kind);
+    const auto& [what, cause] = kReadings[static_cast<size_t>(kind)];
+    text += count == std::ssize(of_camera)
+                ? fmt::format("{}: only {} differ: {}.\n", camera, what, cause)
+                : fmt::format("{}: {} differ most: {}.\n", camera, what, cause);
   }
-  return lines;
+  return text;
 }
 
 }  // namespace plenocal
