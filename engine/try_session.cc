@@ -144,8 +144,8 @@ std::string StressYaml(const std::vector<StressTest>& stress) {
                         StressKindName(each.kind),
                         each.what);
     text += each.failure.empty()
-                ? fmt::format("probability: {:.3g}, difference: {}, predicted: {}, factor: {}}}\n",
-                              each.probability,
+                ? fmt::format("probability: {}, difference: {}, predicted: {}, factor: {}}}\n",
+                              YamlNumber(each.probability),
                               YamlNumber(each.difference),
                               YamlNumber(each.predicted),
                               YamlNumber(each.factor))

@@ -29,7 +29,6 @@ double RmsPredicted(const Calibration& trained,
                     size_t camera) {
   Bundle bundle = all;
   bundle.cameras = trained.bundle.cameras;
-  bundle.markers = trained.bundle.markers;
   UsePart(all, part, &bundle);
   AdjustPoses(&bundle, std::vector<bool>(bundle.T_rig_target.size(), true));
   return RmsResidual(bundle, camera);

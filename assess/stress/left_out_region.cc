@@ -23,7 +23,7 @@ using Eigen::VectorXd;
 // beyond the linear prediction: a pose from a few points, or from a line of them.
 constexpr double kLargestSigma = 20;
 
-// Sums over the rows of one pose. G: derivatives by the unknowns before the markers.
+// Sums over the rows of one pose. G: derivatives by the unknowns.
 struct PoseSums {
   Matrix6d information = Matrix6d::Zero();
   MatrixXd pose_G;
@@ -49,7 +49,6 @@ class RegionRows {
  public:
   RegionRows(const Calibration& calibration, size_t camera)
       : bundle_(calibration.bundle),
-        gain_(calibration.uncertainty.marker_gain),
         covariance_(calibration.uncertainty.covariance),
         root_(Root(covariance_)),
         camera_(camera),
@@ -89,7 +88,10 @@ class RegionRows {
     const bool by_view = bundle_.EstimatesJitter() || !bundle_.motion.empty();
     const size_t pose = by_view ? bundle_.View(view.frame, view.camera) : view.frame;
     const VectorXd r = rows.Residual();
-    MatrixXd G = ByUnknowns(view.camera, rows);
+    MatrixXd G = MatrixXd::Zero(r.size(), layout_.head);
+    internal::ForEachDerivative(bundle_, layout_, view.camera, rows, [&](int at, const auto& J) {
+      G.middleCols(at, J.cols()) += J;
+    });
     if (!predicts_) {
       inside_[pose].Add(rows.Pose(), G, r);
       if (view.camera != camera_) return;
@@ -122,26 +124,11 @@ class RegionRows {
   };
 
   void Walk(const Bundle& bundle) {
-    internal::RowWalk(
-        bundle, {}, {.params = true, .extrinsics = true, .pose = true, .marker = true})
-        .Visit(*this);
-  }
-
-  // Markers move to their best places.
-  [[nodiscard]] MatrixXd ByUnknowns(size_t camera, const internal::MarkerRows& rows) const {
-    MatrixXd G = MatrixXd::Zero(rows.Count(), layout_.head);
-    internal::ForEachDerivative(bundle_, layout_, camera, rows, [&](int first, const auto& J) {
-      if (first < layout_.head) {
-        G.middleCols(first, J.cols()) += J;
-      } else {
-        G -= J * gain_.middleRows(first - layout_.head, J.cols());
-      }
-    });
-    return G;
+    internal::RowWalk(bundle, {}, {.params = true, .extrinsics = true, .pose = true}).Visit(*this);
   }
 
   const Bundle& bundle_;
-  const MatrixXd &gain_, &covariance_;
+  const MatrixXd& covariance_;
   MatrixXd root_;  // of `covariance_`
   size_t camera_;
   internal::UnknownLayout layout_;

@@ -49,6 +49,7 @@ PartCalibration CalibratePart(const Calibration& all,
   calibration.frames = all.frames;
   calibration.fits = all.fits;
   calibration.bundle = all.bundle;
+  calibration.bundle.marker_freedom = MarkerFreedom::Rigid();
   UsePart(all.bundle, part, &calibration.bundle);
   try {
     RequirePoints(calibration.bundle);

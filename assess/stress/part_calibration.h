@@ -26,6 +26,7 @@ struct PartCalibration {
 };
 
 /// Adjusts the used observations of `part` alone, from the optimum of all and with its noise.
+/// Refined markers stay where all points have them: parts share their errors.
 /// `go_on`: called in each iteration; false stops (`Stopped` is thrown).
 PartCalibration CalibratePart(const Calibration& all,
                               const PartOfObservations& part,

@@ -25,7 +25,7 @@ constexpr size_t kFewestFrames = 8;
 // The quartiles of the frames' distances, near over far, of halves that differ enough: what grows
 // as the inverse of the distance differs between them by a tenth.
 constexpr double kMostAlike = 0.9;
-constexpr double kBorder = 0.7;  // of half the diagonal
+constexpr double kBorder = 0.2;  // part of the points
 
 // Points of `part` against the others; of a region, `part` are the points outside of it.
 struct Split {
@@ -35,18 +35,28 @@ struct Split {
   std::string failure = {};
 };
 
+// From the middle of the image, px.
+Eigen::Vector2d PlaceInImage(const Bundle& bundle, const BundleObservation& observation) {
+  const ImageSize& size = bundle.cameras[static_cast<size_t>(observation.camera)].image_size;
+  return {observation.seen.values[0] - (size[0] - 1) / 2.0,
+          observation.seen.values[1] - (size[1] - 1) / 2.0};
+}
+
 class Splits {
  public:
-  Splits(const Bundle& bundle, std::span<const size_t> cameras)
-      : bundle_(bundle), cameras_(cameras.begin(), cameras.end()) {
+  Splits(const Bundle& bundle, std::span<const size_t> cameras) : bundle_(bundle) {
+    for (const size_t c : cameras) border_[c] = 0;
+    std::map<size_t, std::vector<double>> radii;
     for (const BundleObservation& each : bundle.observations) {
       const auto c = static_cast<size_t>(each.camera);
-      if (!each.used || !cameras_.contains(c)) continue;
+      if (!each.used || !border_.contains(c)) continue;
+      radii[c].push_back(PlaceInImage(bundle, each).norm());
       const RigidTransform T =
           bundle.cameras[c].T_camera_rig * bundle.SeenPose(static_cast<size_t>(each.frame), c);
       const BundleMarker& marker = bundle.markers[static_cast<size_t>(each.marker)];
       of_points_[each.frame].push_back((T * marker.position).norm());
     }
+    for (const auto& [c, of_camera] : radii) border_[c] = Quantile(of_camera, 1 - kBorder);
     for (const auto& [frame, distances] : of_points_) distances_.push_back(Median(distances));
   }
 
@@ -57,14 +67,15 @@ class Splits {
            return 2 * i < distances_.size();
          })},
         NearAndFar()};
+    using Place = const Eigen::Vector2d;
     const auto leave_out = [&](const char* region, const auto& has) {
       splits.push_back({StressKind::kRegion, region, Outside(has)});
     };
-    leave_out("border", [](double x, double y) { return std::hypot(x, y) > kBorder; });
-    leave_out("upper left", [](double x, double y) { return x < 0 && y < 0; });
-    leave_out("upper right", [](double x, double y) { return x >= 0 && y < 0; });
-    leave_out("lower left", [](double x, double y) { return x < 0 && y >= 0; });
-    leave_out("lower right", [](double x, double y) { return x >= 0 && y >= 0; });
+    leave_out("border", [](Place& u, double border) { return u.norm() > border; });
+    leave_out("upper left", [](Place& u, double) { return u.x() < 0 && u.y() < 0; });
+    leave_out("upper right", [](Place& u, double) { return u.x() >= 0 && u.y() < 0; });
+    leave_out("lower left", [](Place& u, double) { return u.x() < 0 && u.y() >= 0; });
+    leave_out("lower right", [](Place& u, double) { return u.x() >= 0 && u.y() >= 0; });
     if (distances_.size() >= kFewestFrames) return splits;
     for (Split& split : splits) {
       split.failure = fmt::format(
@@ -89,18 +100,13 @@ class Splits {
     return part;
   }
 
-  // Those outside of a region, which `has` places of the image from its middle, in halves of the
-  // diagonal. Other cameras have all points.
+  // Those outside of the region that `has` places. Other cameras have all points.
   template <typename Has>
   [[nodiscard]] PartOfObservations Outside(const Has& has) const {
     PartOfObservations part;
     for (const BundleObservation& each : bundle_.observations) {
-      const auto c = static_cast<size_t>(each.camera);
-      const ImageSize& size = bundle_.cameras[c].image_size;
-      const Eigen::Vector2d half(size[0] / 2.0, size[1] / 2.0);
-      const Eigen::Vector2d u(each.seen.values[0] + 0.5, each.seen.values[1] + 0.5);
-      const Eigen::Vector2d place = (u - half) / half.norm();
-      part.push_back(!cameras_.contains(c) || !has(place.x(), place.y()));
+      const auto border = border_.find(static_cast<size_t>(each.camera));
+      part.push_back(border == border_.end() || !has(PlaceInImage(bundle_, each), border->second));
     }
     return part;
   }
@@ -119,7 +125,7 @@ class Splits {
   }
 
   const Bundle& bundle_;
-  std::set<size_t> cameras_;
+  std::map<size_t, double> border_;               // per tested camera: its radius, px
   std::map<int, std::vector<double>> of_points_;  // per frame: distances of its points
   std::vector<double> distances_;                 // medians of these
 };
@@ -190,23 +196,23 @@ std::vector<StressTest> TestStress(const Calibration& calibration,
 }
 
 std::string StressReading(const std::vector<StressTest>& tests) {
-  constexpr std::array<std::pair<const char*, const char*>, 4> kReadings{
-      std::pair{"odd and even frames", "noise or outliers are misjudged"},
-      {"the first and second half of the frames", "the camera moved or warmed"},
-      {"near and far frames", "rays without a common origin (try +pupil), or focus that changes"},
-      {"regions of the image", "the model is too stiff there"}};
-  std::map<std::string, std::vector<StressTest>> failing;  // by camera
+  constexpr std::array<const char*, 4> kReadings{
+      "odd and even frames differ: noise or outliers are misjudged",
+      "the first and second half of the frames differ: the camera moved or warmed",
+      "near and far frames differ: rays without a common origin (try +pupil), or focus that changes",
+      "regions of the image differ: the model is too stiff there, or the target is not as described"};
+  std::map<std::string, std::set<StressKind>> failing;  // by camera
   for (const StressTest& test : tests) {
-    if (test.Fails()) failing[test.camera].push_back(test);
+    if (test.Fails()) failing[test.camera].insert(test.kind);
   }
   std::string text;
-  for (const auto& [camera, of_camera] : failing) {
-    const StressKind kind = std::ranges::min(of_camera, {}, &StressTest::probability).kind;
-    const auto count = std::ranges::count(of_camera, kind, &StressTest::kind);
-    const auto& [what, cause] = kReadings[static_cast<size_t>(kind)];
-    text += count == std::ssize(of_camera)
-                ? fmt::format("{}: only {} differ: {}.\n", camera, what, cause)
-                : fmt::format("{}: {} differ most: {}.\n", camera, what, cause);
+  for (const auto& [camera, kinds] : failing) {
+    for (const StressKind kind : kinds) {
+      text += fmt::format("{}: {}{}.\n",
+                          camera,
+                          kinds.size() == 1 ? "only " : "",
+                          kReadings[static_cast<size_t>(kind)]);
+    }
   }
   return text;
 }

@@ -14,7 +14,7 @@
 
 namespace plenocal {
 
-/// What a test that fails alone shows.
+/// What a test shows that fails.
 enum class StressKind { kNoise, kTime, kDistance, kRegion };
 
 std::string_view StressKindName(StressKind kind);
@@ -53,7 +53,8 @@ std::vector<StressTest> TestStress(const Calibration& calibration,
                                    std::span<const size_t> cameras,
                                    const StressOptions& options);
 
-/// "left: only near and far frames differ: ..." of each camera of which tests fail, a line.
+/// "left: only near and far frames differ: ...", a line for each kind of tests that fails of a
+/// camera.
 std::string StressReading(const std::vector<StressTest>& tests);
 
 }  // namespace plenocal
