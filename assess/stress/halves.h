@@ -10,8 +10,7 @@
 
 namespace plenocal {
 
-/// Sets the results or the failure of `test`. The difference of the parameters is tested against
-/// both covariances. `first`: the points of the first half.
+/// Sets the results of `test`. `first`: the points of the first half.
 void CompareHalves(const Calibration& all,
                    const PartOfObservations& first,
                    const std::array<PartCalibration, 2>& halves,

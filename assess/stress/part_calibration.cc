@@ -30,12 +30,12 @@ void RequirePoints(const Bundle& bundle) {
 void ScaleUncertainty(PartCalibration* part) {
   Calibration& calibration = part->calibration;
   const auto [of_frames, of_markers] = EstimateScatter(calibration.bundle, calibration.uncertainty);
-  std::vector<double> factors;
   for (size_t c = 0; c < of_frames.size(); ++c) {
-    factors.push_back(std::max(1.0, of_frames[c].factor) + std::max(0.0, of_markers[c].factor - 1));
+    part->factors.push_back(std::max(1.0, of_frames[c].factor) +
+                            std::max(0.0, of_markers[c].factor - 1));
     part->degrees.push_back(std::max(1.0, of_frames[c].degrees));
   }
-  ScaleByScatter(factors, &calibration.uncertainty);
+  ScaleByScatter(part->factors, &calibration.uncertainty);
 }
 
 }  // namespace
@@ -49,10 +49,10 @@ PartCalibration CalibratePart(const Calibration& all,
   calibration.frames = all.frames;
   calibration.fits = all.fits;
   calibration.bundle = all.bundle;
-  calibration.bundle.marker_freedom = MarkerFreedom::Rigid();
   UsePart(all.bundle, part, &calibration.bundle);
   try {
     RequirePoints(calibration.bundle);
+    result.at_optimum_of_all = EstimateUncertainty(calibration.bundle);
     const AdjustSummary summary =
         Adjust(&calibration.bundle,
                {.loss = loss, .cost_tolerance = 1e-9, .on_iteration = [&](int, double) {

@@ -21,12 +21,14 @@ using PartOfObservations = std::vector<bool>;
 /// markers as `Calibrate` finds it, significant or not.
 struct PartCalibration {
   Calibration calibration;
-  std::vector<double> degrees;  ///< per camera: degrees of freedom of its covariance's scale
-  std::string failure;          ///< why there is none
+  /// Of the observations of the part at the optimum of all, without scatter.
+  Uncertainty at_optimum_of_all;
+  /// Per camera: the factor on its covariance, and degrees of freedom of that.
+  std::vector<double> factors, degrees;
+  std::string failure;  ///< why there is none
 };
 
 /// Adjusts the used observations of `part` alone, from the optimum of all and with its noise.
-/// Refined markers stay where all points have them: parts share their errors.
 /// `go_on`: called in each iteration; false stops (`Stopped` is thrown).
 PartCalibration CalibratePart(const Calibration& all,
                               const PartOfObservations& part,

@@ -145,9 +145,10 @@ StressTest TestSplit(const Calibration& calibration,
   } else {
     CompareHalves(calibration, split.part, parts, camera, &test);
   }
+  if (!test.failure.empty()) return test;
   const bool is_finite = std::isfinite(test.difference) && std::isfinite(test.predicted) &&
                          std::isfinite(test.factor) && std::isfinite(test.probability);
-  if (!is_finite) test.failure = "the part is no calibration of the image";
+  if (!is_finite) test.failure = "a part of the points leaves parameters open";
   return test;
 }
 
@@ -177,6 +178,9 @@ bool StressTest::Fails() const { return failure.empty() && probability < kFalseA
 std::vector<StressTest> TestStress(const Calibration& calibration,
                                    std::span<const size_t> cameras,
                                    const StressOptions& options) {
+  Calibration held = calibration;  // refined markers: all parts share their errors
+  held.bundle.marker_freedom = MarkerFreedom::Rigid();
+  held.uncertainty = EstimateUncertainty(held.bundle);
   const std::vector<Split> splits = Splits(calibration.bundle, cameras).All();
   std::vector<std::array<PartCalibration, 2>> parts(splits.size());
   ParallelFor(2 * splits.size(), options.threads, [&](size_t i) {
@@ -184,12 +188,12 @@ std::vector<StressTest> TestStress(const Calibration& calibration,
     if (!split.failure.empty() || (split.kind == StressKind::kRegion && i % 2 == 1)) return;
     PartOfObservations part = split.part;
     if (i % 2 == 1) part.flip();
-    parts[i / 2][i % 2] = CalibratePart(calibration, part, options.loss, options.go_on);
+    parts[i / 2][i % 2] = CalibratePart(held, part, options.loss, options.go_on);
   });
   std::vector<StressTest> tests(cameras.size() * splits.size());
   ParallelFor(tests.size(), options.threads, [&](size_t i) {
     const size_t s = i % splits.size();
-    tests[i] = TestSplit(calibration, cameras[i / splits.size()], splits[s], parts[s]);
+    tests[i] = TestSplit(held, cameras[i / splits.size()], splits[s], parts[s]);
   });
   CorrectByHolm(&tests);
   return tests;
