@@ -67,7 +67,7 @@ void AddStress(Json tests, PageText* text) {
                      : test["fails"]  ? "differs"
                                       : "agrees"});
     for (const char* key : {"probability", "difference", "predicted", "factor"}) {
-      cells.back().push_back(BriefNumber(test[key], 2));
+      cells.back().push_back(BriefNumber(test[key], 3));
     }
   }
   text->Table("calibrations from a part of the points against the other points",

@@ -11,6 +11,7 @@
 #include "calib/adjust/rows.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/base/statistics.h"
+#include "calib/noise/frame_scatter.h"
 #include "calib/noise/matrix_root.h"
 
 namespace plenocal {
@@ -22,6 +23,9 @@ using Eigen::VectorXd;
 // Points that the others predict worse than this, in standard deviations of their noise, are
 // beyond the linear prediction: a pose from a few points, or from a line of them.
 constexpr double kLargestSigma = 20;
+// Predictions are not linear in the parameters where their variance, less the noise, differs more
+// than this between the optimum of the other points and that of all.
+constexpr double kMostCurved = 2;
 
 // Sums over the rows of one pose. G: derivatives by the unknowns.
 struct PoseSums {
@@ -141,6 +145,23 @@ class RegionRows {
   MatrixXd information_;  // likewise
 };
 
+// Mean variance of the predictions less that of the noise.
+double ExcessAtOptimumOfAll(const Calibration& all,
+                            const PartCalibration& trained,
+                            Bundle left_out,
+                            size_t camera) {
+  Calibration at_all = trained.calibration;
+  at_all.uncertainty = trained.at_optimum_of_all;
+  ScaleByScatter(trained.factors, &at_all.uncertainty);
+  for (Bundle* bundle : {&at_all.bundle, &left_out}) {
+    bundle->cameras = all.bundle.cameras;
+    bundle->T_rig_target = all.bundle.T_rig_target;
+  }
+  RegionRows rows(at_all, camera);
+  rows.Predict(left_out);
+  return rows.Sums().variances / rows.Sums().rows - 1;
+}
+
 }  // namespace
 
 void TestLeftOutRegion(const Calibration& all,
@@ -164,6 +185,12 @@ void TestLeftOutRegion(const Calibration& all,
   const size_t measured = calibration.bundle.cameras[camera].model->measured.size();
   if (sums.rows < static_cast<double>(kFewestPartPoints * measured)) {
     test->failure = fmt::format("the other points predict fewer than {} there", kFewestPartPoints);
+    return;
+  }
+  const double excess = sums.variances / sums.rows - 1,
+               excess_at_all = ExcessAtOptimumOfAll(all, trained, left_out, camera);
+  if (!(std::max(excess, excess_at_all) < kMostCurved * std::min(excess, excess_at_all))) {
+    test->failure = "the prediction is not linear in the parameters";
     return;
   }
   const double rms = RmsResidual(calibration.bundle, camera);

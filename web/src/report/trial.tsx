@@ -118,7 +118,7 @@ function Patterns({ cameras }: Trial) {
 function stressRow({ camera, what, failure, fails, ...test }: StressTest): [string, ...Cell[]] {
   const name = `${camera}, ${what}`;
   if (failure) return [name, { text: failure, words: true }];
-  const number = (value: number | undefined): Cell => ({ text: brief(value, 2), value });
+  const number = (value: number | undefined): Cell => ({ text: brief(value, 3), value });
   return [
     name,
     { text: fails ? "differs" : "agrees", words: true },
