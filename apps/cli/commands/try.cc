@@ -58,7 +58,7 @@ void DeclareTry(CLI::App* app, TryArguments* arguments, ConsoleOptions* shared) 
       "--stress",
       arguments->stress,
       "calibrate the recommended model from halves of the frames and without regions of the "
-      "image, and compare (four calibrations more)");
+      "image, and compare (the time of about two calibrations)");
   AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
   app->add_flag("--fresh", arguments->fresh, "detect again in all images");

@@ -140,8 +140,8 @@ function Stress({ stress }: Trial) {
       <Note>
         Of halves of the frames the difference is that of both projections over the supported image, after the best rigid motion. Of a region of the
         image it is the error with which the other points predict those of the region. The factor is the RMS residual of points that a calibration did
-        not have over that of its own. The probabilities are corrected for the number of tests: below 0.05 in 5 % of recordings of a camera that lacks
-        nothing.
+        not have over that of its own. The probabilities are corrected for the number of tests: of a camera that lacks nothing, one is below 0.05 in at
+        most 5 % of recordings.
       </Note>
     </>
   );
