@@ -164,6 +164,24 @@ std::string MissingYaml(const std::vector<MissingFamily>& missing) {
   return text;
 }
 
+std::string StressYaml(const std::vector<StressTest>& stress) {
+  std::string text = stress.empty() ? "" : "stress:\n";
+  for (const StressTest& each : stress) {
+    text += fmt::format("  - {{camera: {}, test: {}, what: {}, ",
+                        YamlText(each.camera),
+                        StressKindName(each.kind),
+                        each.what);
+    text += each.failure.empty()
+                ? fmt::format("probability: {}, difference: {}, predicted: {}, factor: {}}}\n",
+                              YamlNumber(each.probability),
+                              YamlNumber(each.difference),
+                              YamlNumber(each.predicted),
+                              YamlNumber(each.factor))
+                : fmt::format("failure: {}}}\n", YamlQuoted(each.failure));
+  }
+  return text;
+}
+
 std::string TargetYaml(const ModelChoice& targets, MarkerFreedom of_session) {
   std::string text = fmt::format("target:\n  recommended: {}\n  why: {}\n",
                                  TargetName(targets.trials[targets.recommended]),
@@ -202,7 +220,7 @@ std::string TrialYaml(const SessionTrial& trial) {
   std::vector<std::string_view> among;
   for (const size_t m : choice.confidence_set) among.push_back(choice.trials[m].model->name);
   text += fmt::format("confidence_set: [{}]\n", fmt::join(among, ", "));
-  text += MissingYaml(trial.missing);
+  text += MissingYaml(trial.missing) + StressYaml(trial.stress);
   text += TargetYaml(trial.targets, trial.marker_freedom) + "models:\n";
   for (const TrialRow& row : trial.rows) text += ModelYaml(row);
   return text;
@@ -263,10 +281,16 @@ SessionTrial TrySession(const Session& given, const TryRequest& request, const R
   trial.targets = std::move(tried.targets);
   trial.marker_freedom = trial.models.trials[trial.models.recommended].marker_freedom;
   trial.rows = MakeRows(trial.models);
+  const Calibration& recommended = trial.models.trials[trial.models.recommended].calibration;
   for (const size_t c : trial.models.varied) {
-    const ModelTrial& recommended = trial.models.trials[trial.models.recommended];
-    std::ranges::move(FindMissingFamilies(recommended.calibration, c),
-                      std::back_inserter(trial.missing));
+    std::ranges::move(FindMissingFamilies(recommended, c), std::back_inserter(trial.missing));
+  }
+  if (request.stress) {
+    trial.stress = TestStress(recommended,
+                              trial.models.varied,
+                              {.loss = input.loss, .threads = run.threads, .go_on = [&] {
+                                 return run.Progress("stress tests");
+                               }});
   }
   if (OutputFolder* const out = trial.folders->out()) {
     WriteTrial(trial, provenance, out);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assess/missing/missing_families.h"
+#include "assess/stress/stress.h"
 #include "assess/text/trial_text.h"
 #include "calib/base/run.h"
 #include "calib/files/session.h"
@@ -20,6 +21,7 @@ struct TryRequest : SessionOptions {
   std::vector<std::string> models;  ///< empty: all that measure what the cameras measure
   std::string camera;               ///< the camera whose model is varied; empty: all of one type
   int folds = 5;                    ///< of the cross-validation
+  bool stress = false;              ///< stress tests of the recommended model
   /// Command of the caller, for `provenance` in the models' calibration.yaml.
   std::string command = "plenocal try";
 };
@@ -31,6 +33,7 @@ struct SessionTrial {
   ModelChoice targets;                  ///< with the recommended model
   std::vector<TrialRow> rows;           ///< of `models`
   std::vector<MissingFamily> missing;   ///< of the recommended model with all frames
+  std::vector<StressTest> stress;       ///< likewise, where asked for
   std::unique_ptr<RunFolders> folders;  ///< with the result files, to be committed
 };
 

@@ -44,6 +44,37 @@ Json RowJson(const TrialRow& row) {
   return json;
 }
 
+Json StressJson(const StressTest& test) {
+  Json json = {{"camera", test.camera},
+               {"what", test.what},
+               {"failure", test.failure},
+               {"fails", test.Fails()}};
+  if (!test.failure.empty()) return json;
+  json.update({{"probability", test.probability},
+               {"difference", test.difference},
+               {"predicted", test.predicted},
+               {"factor", test.factor}});
+  return json;
+}
+
+void AddStress(Json tests, PageText* text) {
+  if (tests.empty()) return;
+  std::vector<std::vector<std::string>> cells;
+  for (Json& test : tests) {
+    const std::string failure = test["failure"];
+    cells.push_back({fmt::format("{}, {}", std::string(test["camera"]), std::string(test["what"])),
+                     !failure.empty() ? failure
+                     : test["fails"]  ? "differs"
+                                      : "agrees"});
+    for (const char* key : {"probability", "difference", "predicted", "factor"}) {
+      cells.back().push_back(BriefNumber(test[key], 3));
+    }
+  }
+  text->Table("calibrations from a part of the points against the other points",
+              {"", "", "P(by chance)", "difference, px", "predicted, px", "factor"},
+              cells);
+}
+
 PageText TextOf(const std::vector<TrialRow>& rows,
                 const std::string& model,
                 const std::string& target,
@@ -75,9 +106,11 @@ std::string TrialPage(const SessionTrial& trial) {
   const std::vector<TrialRow>& rows = trial.rows;
   const std::string model = ModelRecommendation(choice);
   const std::string target = TargetRecommendation(trial.targets, trial.marker_freedom);
-  const std::string evidence = ConfidenceText(choice) + MissingText(trial.missing);
-  Json models = Json::array(), cameras = Json::array();
+  const std::string evidence =
+      ConfidenceText(choice) + MissingText(trial.missing) + StressReading(trial.stress);
+  Json models = Json::array(), cameras = Json::array(), stress = Json::array();
   for (const TrialRow& row : rows) models.push_back(RowJson(row));
+  for (const StressTest& test : trial.stress) stress.push_back(StressJson(test));
   const Bundle& any = rows[choice.recommended].trial->calibration.bundle;
   for (const size_t c : choice.varied) {
     Json fields = Json::array();
@@ -100,8 +133,11 @@ std::string TrialPage(const SessionTrial& trial) {
                   {"points", choice.points},
                   {"outliers", choice.outliers},
                   {"models", models},
+                  {"stress", stress},
                   {"cameras", cameras}};
-  return MakePage("Camera models compared", TextOf(rows, model, target, evidence), data);
+  PageText text = TextOf(rows, model, target, evidence);
+  AddStress(stress, &text);
+  return MakePage("Camera models compared", text, data);
 }
 
 }  // namespace plenocal

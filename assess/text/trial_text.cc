@@ -211,6 +211,27 @@ std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& r
   return text;
 }
 
+std::string StressText(const std::vector<StressTest>& stress) {
+  if (stress.empty()) return "";
+  std::string text = fmt::format("\n  {:<12} {:<14} {:>8} {:>14} {:>13} {:>8}\n",
+                                 "stress",
+                                 "of",
+                                 "p",
+                                 "difference px",
+                                 "predicted px",
+                                 "factor");
+  for (const StressTest& test : stress) {
+    text += fmt::format("{} {:<12} {:<14} ", test.Fails() ? "*" : " ", test.what, test.camera);
+    text += test.failure.empty() ? fmt::format("{:>8.2g} {:>14.4f} {:>13.4f} {:>8.2f}\n",
+                                               test.probability,
+                                               test.difference,
+                                               test.predicted,
+                                               test.factor)
+                                 : test.failure + "\n";
+  }
+  return text + StressReading(stress);
+}
+
 std::string TrialCsv(const std::vector<TrialRow>& rows) {
   std::string text =
       "model,parameters,held_out_rms,held_out_sigma,probability,difference,sigma,in_sample_rms,image_sigma,unseen,recommended,judgement,undetermined,failure\n";

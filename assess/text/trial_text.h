@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assess/model_trial.h"
+#include "assess/stress/stress.h"
 
 namespace plenocal {
 
@@ -34,6 +35,8 @@ std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_se
 
 /// For the terminal.
 std::string TrialTable(const ModelChoice& choice, const std::vector<TrialRow>& rows);
+/// Table and reading of stress tests, for the terminal; empty without tests.
+std::string StressText(const std::vector<StressTest>& stress);
 /// Content of try.csv.
 std::string TrialCsv(const std::vector<TrialRow>& rows);
 

@@ -113,6 +113,7 @@ OTHERS = [
     ("`held` and `refined`", ["tolerance"], "the prior as it was given"),
     ("`held` and `refined`", ["sigma"], "as `sigma` of a model in try.yaml"),
     ("a model in try.yaml", ["projection"], "a quantile of what `image_sigma` is the RMS of"),
+    ("a stress test in try.yaml", ["predicted"], "an RMS; by `bench/stress`"),
     ("try.csv", ["sigma", "image_sigma", "held_out_sigma"], "the numbers of try.yaml"),
     ("a camera in calibrate --json", ["sigma", "noise", "detector_sigma"], "the numbers of calibration.yaml"),
     ("an item of `extrinsics`", ["sigma"], "those of `sigma_xi`, carried on; `tests/calib/rig/extrinsics_test.cc`"),

@@ -35,6 +35,7 @@ class TryRequest(SessionOptions):
     models: Sequence[str]
     camera: str
     folds: int
+    stress: bool
 
 class CheckRequest(SessionOptions):
     map: Sequence[str]

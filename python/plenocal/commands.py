@@ -134,6 +134,7 @@ def try_models(
     models: Sequence[str] = (),
     camera: str = "",
     folds: int = 5,
+    stress: bool = False,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
@@ -145,6 +146,7 @@ def try_models(
         models: names of the models; empty: all that have the same measured coordinates as the cameras.
         camera: the camera whose model is varied; empty: all of one type.
         folds: number of parts of the cross-validation, 2 or more.
+        stress: stress tests of the recommended model, written to try.yaml and try.html.
         threads: number of threads; 0: one a core.
         progress: called with a text on the present stage, from any thread.
 
@@ -155,6 +157,7 @@ def try_models(
     request.models = list(models)
     request.camera = camera
     request.folds = folds
+    request.stress = stress
     return _rows(_core.try_models(_open(session)._native, request, caller(threads, progress)))
 
 

@@ -244,7 +244,8 @@ void BindRequests(nb::module_& module) {
       .def(nb::init<>())
       .def_rw("models", &TryRequest::models)
       .def_rw("camera", &TryRequest::camera)
-      .def_rw("folds", &TryRequest::folds);
+      .def_rw("folds", &TryRequest::folds)
+      .def_rw("stress", &TryRequest::stress);
   nb::class_<CheckRequest, SessionOptions>(module, "CheckRequest")
       .def(nb::init<>())
       .def_rw("map", &CheckRequest::map)

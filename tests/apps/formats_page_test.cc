@@ -92,6 +92,7 @@ const std::map<std::string, std::vector<Child>>& Children() {
       {"Keys of an item of `undetermined`", {{"parameters", Below::kFree}}},
       {"Keys of try.yaml",
        {{"models", Below::kMapOfMaps, "Keys of a model in try.yaml"},
+        {"stress", Below::kListOfMaps, "Keys of a stress test in try.yaml"},
         {"target", Below::kMap, "Keys of `target` in try.yaml"}}},
       {"Keys of `target` in try.yaml",
        {{"held", Below::kMap, "Keys of `held` and `refined`"},
@@ -614,16 +615,24 @@ TEST_F(FormatsPage, HasWhatJudgingCommandsWrite) {
 
   // One of these models fails.
   Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 14\nrows: 10\nsquare: 0.03\n");
-  Write("spec.yaml",
-        "plenocal: 1\nseed: 3\ntarget: target.yaml\ncameras:\n  cam: {model: kannala-brandt4, "
-        "image_size: [640, 480], parameters: {f_x: 183, f_y: 183, c_x: 320, c_y: 240}, "
-        "detection_sigma: 0.05}\nposes: {frames: 20, distance: [0.18, 0.45], partial: 0.3}\n");
+  const std::string spec =
+      "plenocal: 1\nseed: 3\ntarget: target.yaml\ncameras:\n  cam: {model: kannala-brandt4, "
+      "image_size: [640, 480], parameters: {f_x: 183, f_y: 183, c_x: 320, c_y: 240}, "
+      "detection_sigma: 0.05}\nposes: {distance: [0.18, 0.45], partial: 0.3, frames: ";
+  Write("spec.yaml", spec + "20}\n");
+  Write("few.yaml", spec + "6}\n");
   ASSERT_EQ(Run({"simulate", "spec.yaml", "--points", "-o", "set"}).status, kDone);
-  const Outcome tried = Run(
-      {"try", "set/session.yaml", "--models", "pinhole-radtan4,kannala-brandt4", "-o", "tried"});
-  ASSERT_EQ(tried.status, kDone) << tried.err;
-  SeeYaml("tried/try.yaml", "Keys of try.yaml");
+  const auto try_models = [&](const std::string& models) {
+    const Outcome tried =
+        Run({"try", "set/session.yaml", "--models", models, "--stress", "-o", "tried"});
+    ASSERT_EQ(tried.status, kDone) << tried.err;
+    SeeYaml("tried/try.yaml", "Keys of try.yaml");
+  };
+  try_models("pinhole-radtan4,kannala-brandt4");
   SeeColumns("tried/try.csv", "Columns of try.csv");
+  // So few frames that there is no stress test.
+  ASSERT_EQ(Run({"simulate", "few.yaml", "--points", "-o", "set"}).status, kDone);
+  try_models("kannala-brandt4");
   ExpectAllSeen({"target_scale"});  // of a session with scale_sigma (result_test.cc)
 }
 

@@ -24,12 +24,13 @@ void RunTry(TryArguments request, Console* console) {
   const SessionTrial trial = TrySession(OpenInputs(request.inputs, "try", run), request, run);
   trial.folders->out()->Write("try.html", TrialPage(trial));
   trial.folders->Commit();
-  console->Print(fmt::format("{}\nrecommended: {}\ntarget: {}\n{}\nwritten to {}\n",
-                             TrialTable(trial.models, trial.rows),
-                             ModelRecommendation(trial.models),
-                             TargetRecommendation(trial.targets, trial.marker_freedom),
-                             ConfidenceText(trial.models) + MissingText(trial.missing),
-                             request.out.string()));
+  console->Print(fmt::format(
+      "{}\nrecommended: {}\ntarget: {}\n{}\nwritten to {}\n",
+      TrialTable(trial.models, trial.rows),
+      ModelRecommendation(trial.models),
+      TargetRecommendation(trial.targets, trial.marker_freedom),
+      ConfidenceText(trial.models) + MissingText(trial.missing) + StressText(trial.stress),
+      request.out.string()));
 }
 
 constexpr const char* kTryHelp =
@@ -54,6 +55,11 @@ void DeclareTry(CLI::App* app, TryArguments* arguments, ConsoleOptions* shared) 
   app->add_option("--folds", arguments->folds, "parts of the frames that are held out in turn")
       ->check(CLI::Range(2, 1000))
       ->capture_default_str();
+  app->add_flag(
+      "--stress",
+      arguments->stress,
+      "calibrate the recommended model from halves of the frames and without regions of the "
+      "image, and compare (the time of about two calibrations)");
   AddOut(app, &arguments->out);
   AddThreadsAndQuiet(app, shared);
   app->add_flag("--fresh", arguments->fresh, "detect again in all images");

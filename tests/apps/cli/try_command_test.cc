@@ -153,6 +153,27 @@ TEST_F(TryCommand, NamesWhatTheModelLacks) {
   EXPECT_LT(missing["probability"].as<double>(), 1e-6);
 }
 
+TEST_F(TryCommand, StressTestsOfTheRecommendedModel) {
+  SyntheticProblem problem = MakeProblem(1, {.cameras = 1, .frames = 20, .noise = 0.1});
+  std::vector<View>& views = problem.input.cameras[0].views;
+  for (size_t v = 10; v < views.size(); ++v) {
+    for (Observation& seen : views[v].observations) seen.values[0] += 8;
+  }
+  WriteProblem(problem);
+  const Outcome outcome =
+      Run({"try", "session.yaml", "--models", "pinhole-radial3", "--stress", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("\n* first/second"));
+  const std::string reading = "only the first and second half of the frames differ";
+  EXPECT_THAT(outcome.out, HasSubstr(reading));
+  EXPECT_THAT(Read("out/try.html"), AllOf(HasSubstr(reading), HasSubstr("cam0, upper left")));
+  const YAML::Node stress = YAML::Load(Read("out/try.yaml"))["stress"];
+  ASSERT_EQ(stress.size(), 8u);
+  EXPECT_EQ(stress[1]["test"].as<std::string>(), "time");
+  EXPECT_LT(stress[1]["probability"].as<double>(), 0.05);
+  EXPECT_GT(stress[1]["factor"].as<double>(), 1.05);
+}
+
 // A small part of bench/try_simulated.
 class TryOnSimulatedLens
     : public TryCommand,

@@ -22,6 +22,18 @@ export interface TrialModel {
   sigma?: Unknown;
   projection?: Unknown;
 }
+/** A calibration from a part of the points against the others. */
+export interface StressTest {
+  camera: string;
+  what: string;
+  /** Why it has no numbers; empty when it has them. */
+  failure: string;
+  fails: boolean;
+  probability?: number;
+  difference?: number;
+  predicted?: number;
+  factor?: number;
+}
 export interface Trial {
   kind: "trial";
   recommendation: string;
@@ -33,6 +45,8 @@ export interface Trial {
   points: number;
   outliers: number;
   models: TrialModel[];
+  /** Of the recommended model; empty where not asked for. */
+  stress: StressTest[];
   cameras: { name: string; image_size: Size; fields: { model: string; field: Field }[] }[];
 }
 
