@@ -153,10 +153,10 @@ std::string MissingYaml(const std::vector<MissingFamily>& missing) {
   std::string text = missing.empty() ? "missing: []\n" : "missing:\n";
   for (const MissingFamily& each : missing) {
     text += fmt::format(
-        "  - {{camera: {}, family: {}, probability: {:.3g}, gain: {}, degrees: {}, remedy: {}}}\n",
+        "  - {{camera: {}, family: {}, probability: {}, gain: {}, degrees: {}, remedy: {}}}\n",
         YamlText(each.camera),
         each.family,
-        each.probability,
+        YamlNumber(each.probability),
         YamlNumber(each.gain),
         each.degrees,
         YamlQuoted(each.remedy));

@@ -115,7 +115,13 @@ std::string Counted(size_t count, std::string_view noun, std::string_view plural
 std::string YamlNumber(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
-  return fmt::format("{:.12g}", value == 0 ? 0.0 : value);
+  std::string text = fmt::format("{:.12g}", value == 0 ? 0.0 : value);
+  // YAML 1.1, as PyYAML reads it, takes 1e-08 for a text.
+  const size_t exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos) {
+    text.insert(exponent, ".0");
+  }
+  return text;
 }
 
 }  // namespace plenocal

@@ -53,5 +53,14 @@ TEST(AppendFixed, WritesTheNearestDecimalNumber) {
   }
 }
 
+TEST(YamlNumber, IsANumberForYaml11) {
+  EXPECT_EQ(YamlNumber(1e-8), "1.0e-08");
+  EXPECT_EQ(YamlNumber(-1.5e-8), "-1.5e-08");
+  EXPECT_EQ(YamlNumber(1e20), "1.0e+20");
+  EXPECT_EQ(YamlNumber(-0.0), "0");
+  EXPECT_EQ(YamlNumber(12), "12");
+  EXPECT_EQ(YamlNumber(std::nan("")), ".nan");
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
