@@ -32,6 +32,8 @@ Term Slope(Op op, Term f, Term a) {
       return f;
     case Op::kLog:
       return one / a;
+    case Op::kLog1p:
+      return one / (one + a);
     case Op::kSin:
       return Of(Op::kCos, a);
     case Op::kCos:

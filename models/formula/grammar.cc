@@ -21,27 +21,18 @@ struct Function {
   Op op;
   size_t operands;
 };
-constexpr std::array kFunctions{Function{"sqrt", Op::kSqrt, 1},
-                                Function{"exp", Op::kExp, 1},
-                                Function{"log", Op::kLog, 1},
-                                Function{"sin", Op::kSin, 1},
-                                Function{"cos", Op::kCos, 1},
-                                Function{"tan", Op::kTan, 1},
-                                Function{"asin", Op::kAsin, 1},
-                                Function{"acos", Op::kAcos, 1},
-                                Function{"atan", Op::kAtan, 1},
-                                Function{"sinh", Op::kSinh, 1},
-                                Function{"cosh", Op::kCosh, 1},
-                                Function{"tanh", Op::kTanh, 1},
-                                Function{"abs", Op::kAbs, 1},
-                                Function{"sinc", Op::kSinc, 1},
-                                Function{"atan2", Op::kAtan2, 2},
-                                Function{"min", Op::kLess, 2},
-                                Function{"max", Op::kLess, 2},
-                                Function{"hypot", Op::kSqrt, 2},
-                                Function{"angle_over_radius", Op::kAngleOverRadius, 2},
-                                Function{"if", Op::kIf, 3},
-                                Function{"sum", Op::kAdd, 4}};
+constexpr std::array kFunctions{
+    Function{"sqrt", Op::kSqrt, 1},  Function{"exp", Op::kExp, 1},
+    Function{"log", Op::kLog, 1},    Function{"log1p", Op::kLog1p, 1},
+    Function{"sin", Op::kSin, 1},    Function{"cos", Op::kCos, 1},
+    Function{"tan", Op::kTan, 1},    Function{"asin", Op::kAsin, 1},
+    Function{"acos", Op::kAcos, 1},  Function{"atan", Op::kAtan, 1},
+    Function{"sinh", Op::kSinh, 1},  Function{"cosh", Op::kCosh, 1},
+    Function{"tanh", Op::kTanh, 1},  Function{"abs", Op::kAbs, 1},
+    Function{"sinc", Op::kSinc, 1},  Function{"atan2", Op::kAtan2, 2},
+    Function{"min", Op::kLess, 2},   Function{"max", Op::kLess, 2},
+    Function{"hypot", Op::kSqrt, 2}, Function{"angle_over_radius", Op::kAngleOverRadius, 2},
+    Function{"if", Op::kIf, 3},      Function{"sum", Op::kAdd, 4}};
 
 bool StartsName(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0 || c == '_'; }
 bool InName(char c) { return StartsName(c) || std::isdigit(static_cast<unsigned char>(c)) != 0; }

@@ -59,6 +59,11 @@ int Graph::Make(Op op, int a, int b, int c) {
     return Constant(folded);
   }
   if ((op == Op::kAdd || op == Op::kMultiply) && b < a) std::swap(a, b);
+  if (op == Op::kLog && (*this)[a].op == Op::kAdd) {  // log(1 + x) of a small x loses its digits
+    const auto [first, second, none] = (*this)[a].of;
+    if (Is(first, 1)) return Make(Op::kLog1p, second);
+    if (Is(second, 1)) return Make(Op::kLog1p, first);
+  }
   return Add({.op = op, .of = {a, b, c}});
 }
 

@@ -35,6 +35,7 @@ const std::map<Op, std::string_view>& Calls() {
       {Op::kSqrt, "sqrt({0})"},
       {Op::kExp, "exp({0})"},
       {Op::kLog, "log({0})"},
+      {Op::kLog1p, "log1p({0})"},
       {Op::kSin, "sin({0})"},
       {Op::kCos, "cos({0})"},
       {Op::kTan, "tan({0})"},
@@ -76,7 +77,7 @@ std::string Statements(const Graph& graph,
                        std::span<const std::string> inputs) {
   std::string text =
       "    using std::abs, std::acos, std::asin, std::atan, std::atan2, std::cos, std::cosh, std::exp,\n"
-      "        std::log, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;\n";
+      "        std::log, std::log1p, std::pow, std::sin, std::sinh, std::sqrt, std::tan, std::tanh;\n";
   const std::vector<bool> needed = Needed(graph, outputs);
   for (int node = 0; node < graph.Size(); ++node) {
     const Node& n = graph[node];

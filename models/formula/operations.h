@@ -20,6 +20,7 @@ enum class Op : uint8_t {
   kSqrt,
   kExp,
   kLog,
+  kLog1p,  ///< log(1 + a)
   kSin,
   kCos,
   kTan,
@@ -84,6 +85,7 @@ inline double Apply(double a, [[maybe_unused]] double b, [[maybe_unused]] double
   if constexpr (op == Op::kSqrt) return std::sqrt(a);
   if constexpr (op == Op::kExp) return std::exp(a);
   if constexpr (op == Op::kLog) return std::log(a);
+  if constexpr (op == Op::kLog1p) return std::log1p(a);
   if constexpr (op == Op::kSin) return std::sin(a);
   if constexpr (op == Op::kCos) return std::cos(a);
   if constexpr (op == Op::kTan) return std::tan(a);
@@ -124,6 +126,7 @@ inline void WithOperation(Op op, const Work& work) {
       PLENOCAL_CASE(kSqrt);
       PLENOCAL_CASE(kExp);
       PLENOCAL_CASE(kLog);
+      PLENOCAL_CASE(kLog1p);
       PLENOCAL_CASE(kSin);
       PLENOCAL_CASE(kCos);
       PLENOCAL_CASE(kTan);

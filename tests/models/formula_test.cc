@@ -297,6 +297,8 @@ TEST(Formula, HasTheFunctionsOfItsGrammar) {
   EXPECT_DOUBLE_EQ(value("exp(x) + log(x) + sin(x) + cos(x) + tan(x) + asin(x) + acos(x)"),
                    std::exp(0.3) + std::log(0.3) + std::sin(0.3) + std::cos(0.3) + std::tan(0.3) +
                        std::asin(0.3) + std::acos(0.3));
+  EXPECT_EQ(value("log(1 + 1e-17*x)"), 1e-17 * 0.3);
+  EXPECT_EQ(value("log(1e-17*x + 1)"), value("log1p(1e-17*x)"));
   EXPECT_DOUBLE_EQ(value("atan(x) + sinh(x) + cosh(x) + tanh(x) + cos(pi)"),
                    std::atan(0.3) + std::sinh(0.3) + std::cosh(0.3) + std::tanh(0.3) - 1);
 }
