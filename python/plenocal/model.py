@@ -86,9 +86,9 @@ class CameraModel:
         raise NotImplementedError(f"{type(self).__name__}: project is missing")
 
     def jacobian(self, params: Sequence[float], point: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Optional. For points, arrays (K,) of x, y and z, m, returns image points (K, 2), px, and their
-        derivatives by the parameters (K, 2, P) and by the point (K, 2, 3). A model that returns (2,), (2, P)
-        and (2, 3) of one point works too, but slower."""
+        """Optional. params: the parameters, numbers; point: arrays (K,) of x, y and z, m. Returns image points
+        (K, 2), px, and their derivatives by the parameters (K, 2, P) and by the point (K, 2, 3). A model that
+        returns (2,), (2, P) and (2, 3) of one point works too, but slower."""
         raise NotImplementedError
 
     def unproject(self, params: Sequence[float], pixel: Sequence[float]) -> Any:

@@ -184,18 +184,18 @@ def test_an_exception_in_project_is_raised(tmp_path: pathlib.Path) -> None:
 
 
 class BreaksLate(Stereographic):
-    """Raises after `limit` points: with some thousand, while the parameters are adjusted.
+    """Raises after `limit` calls: with some hundred, while the parameters are adjusted.
 
     Other tests' calibrations may try it as an alternative to their models, so it has no limit outside of its test.
     """
 
     name = "py-breaks-late"
-    points = 0
+    calls = 0
     limit = math.inf
 
     def project(self, params: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        BreaksLate.points += 1
-        if BreaksLate.points > BreaksLate.limit:
+        BreaksLate.calls += 1
+        if BreaksLate.calls > BreaksLate.limit:
             raise ZeroDivisionError("in the model")
         return super().project(params, point)
 
@@ -209,8 +209,8 @@ def test_an_exception_in_project_ends_its_own_run_alone(tmp_path: pathlib.Path, 
     broken = pathlib.Path(simulate(tmp_path / "broken", Stereographic.name).path)
     broken.write_text(broken.read_text().replace(Stereographic.name, BreaksLate.name))
     alone = plenocal.calibrate(good, threads=threads)
-    monkeypatch.setattr(BreaksLate, "points", 0)
-    monkeypatch.setattr(BreaksLate, "limit", 3000)
+    monkeypatch.setattr(BreaksLate, "calls", 0)
+    monkeypatch.setattr(BreaksLate, "limit", 300)
     results: dict[str, Any] = {}
 
     def work(name: str, session: Any) -> None:
@@ -222,7 +222,7 @@ def test_an_exception_in_project_ends_its_own_run_alone(tmp_path: pathlib.Path, 
     def fail_beside_runs() -> None:
         camera = plenocal.Camera(BreaksLate.name, (640, 480), Stereographic.example)
         while running:
-            if BreaksLate.points > BreaksLate.limit:
+            if BreaksLate.calls > BreaksLate.limit:
                 with pytest.raises(ZeroDivisionError):
                     camera.project([[0.0, 0.0, 1.0]])
             time.sleep(0.001)

@@ -167,7 +167,8 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   };
   CalibratedCamera camera;
   if (lens.AsString() == kMrcalCahvor || lens.AsString().starts_with(kMrcalCahvore)) {
-    const Cahvor cahvor = ReadMrcalCahvor(lens, root.At("intrinsics"), read_extrinsics());
+    const YamlNode intrinsics = root.At("intrinsics");
+    const Cahvor cahvor = ReadMrcalCahvor(lens, intrinsics, read_extrinsics());
     return {FromCahvor(cahvor, ReadImageSize(root.At("imagersize")), source.path.string())};
   }
   if (lens.AsString().starts_with(kMrcalSpline)) {
