@@ -151,13 +151,15 @@ def cahvore(plenocal, random, place, name):
     return camera, points @ camera.T_camera_rig[:3, :3].T, mrcal.project(points, model, np.array(numbers))
 
 
-def spline(plenocal, random, place, name):
-    """Inside the last full cells: beyond them mrcal goes on, and we refuse."""
+def mrcal_lens(plenocal, random, place, name):
+    """Splines inside the last full cells: beyond them mrcal goes on, and we refuse."""
     import mrcal
-    model = f"LENSMODEL_SPLINED_STEREOGRAPHIC_{name}_fov_x_deg=130"
-    columns, rows = (int(part.split("=")[1]) for part in name.split("_")[1:])
-    numbers = [*intrinsics(random), *random.uniform(-0.02, 0.02, 2 * columns * rows)]
-    points = directions(random, 45)
+    is_spline = name.startswith("order")
+    model = f"LENSMODEL_SPLINED_STEREOGRAPHIC_{name}_fov_x_deg=130" if is_spline else f"LENSMODEL_{name}"
+    numbers, points = intrinsics(random), directions(random, 45 if is_spline else 85)
+    if is_spline:
+        columns, rows = (int(part.split("=")[1]) for part in name.split("_")[1:])
+        numbers += list(random.uniform(-0.02, 0.02, 2 * columns * rows))
     return mrcal_file(plenocal, place, model, numbers), points, mrcal.project(points, model, np.array(numbers))
 
 
@@ -166,7 +168,8 @@ PROGRAMS = {
     "Project Aria (projectaria-tools)": ("projectaria_tools", aria, list(ARIA)),
     "OpenCV": ("cv2", opencv14, ["14 coefficients"]),
     "mrcal (2.2; at 1 m)": ("mrcal", cahvore, [f"CAHVORE_linearity={L}" for L in ("0.00", "0.35", "1.00")]),
-    "mrcal (2.2)": ("mrcal", spline, [f"order={order}_Nx={size}" for order in (2, 3) for size in ("11_Ny=9", "30_Ny=20")]),
+    "mrcal (2.2)": ("mrcal", mrcal_lens, ["LONLAT", "LATLON", "STEREOGRAPHIC"] +
+                    [f"order={order}_Nx={size}" for order in (2, 3) for size in ("11_Ny=9", "30_Ny=20")]),
     "OpenCV contrib": ("cv2.omnidir", omnidir, ["omnidir, Kalibr omni-radtan"]),
 }
 

@@ -21,17 +21,35 @@
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/lenses/cahvor.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 #include "models/splined.h"
 
 namespace plenocal {
 namespace {
 
+constexpr std::string_view kLatLon = "latlon";
+
+// Makes the lenses that are formulas here.
+void AddFormulaOf(std::string_view lens, const std::string& where) {
+  if (lens == "LENSMODEL_STEREOGRAPHIC") LensOfLinearity(0.5, where);
+  if (lens != "LENSMODEL_LATLON") return;
+  const YamlNode formula = YamlNode::Parse(
+      "source: mrcal, LENSMODEL_LATLON\n"
+      "map: ['atan2(X, hypot(Y, Z))', 'atan2(Y, Z)']\n"
+      "domain: [Y^2 + Z^2 > 0]\n"
+      "unmap: [sin(x), cos(x)*sin(y), cos(x)*cos(y)]\n",
+      where);
+  AddFormulaModel(std::string(kLatLon), formula, where);
+}
+
 const LensTable& MrcalLenses() {
   static const LensTable kTable{
       "mrcal",
       {{"pinhole", "LENSMODEL_PINHOLE", ""},
        {"spherical", "LENSMODEL_LONLAT", ""},
+       {kLatLon, "LENSMODEL_LATLON", ""},
+       {"linearity-0p5", "LENSMODEL_STEREOGRAPHIC", ""},
        {"pinhole-radial3", "LENSMODEL_OPENCV5", "A_0 A_1 0 0 A_2"},
        {"pinhole-radtan4", "LENSMODEL_OPENCV4", "k_1 k_2 p_1 p_2"},
        {"pinhole-radtan", "LENSMODEL_OPENCV5", "k_1 k_2 p_1 p_2 k_3"},
@@ -177,6 +195,7 @@ std::vector<CalibratedCamera> ReadMrcal(const CameraSource& source) {
   } else {
     const std::vector<double> intrinsics = root.At("intrinsics").AsNumbers(0);
     if (intrinsics.size() < 4) root.At("intrinsics").Fail("expected at least four numbers");
+    AddFormulaOf(lens.AsString(), source.path.string());
     camera = FromLens(LensOfNumbers(lens.AsString(), intrinsics),
                       ReadImageSize(root.At("imagersize")),
                       MrcalLenses(),

@@ -79,31 +79,6 @@ constexpr std::array kLinearLenses{LinearLens{1, "pinhole"},
                                    LinearLens{-1, "orthographic"}};
 constexpr std::string_view kOfFormula = "linearity-";
 
-// Name of the lens of a linearity, which is made of a formula where there is none:
-// "linearity-0p35", "linearity-m0p713".
-std::string LensOf(double linearity, const std::string& where) {
-  for (const LinearLens& lens : kLinearLenses) {
-    if (lens.linearity == linearity) return std::string(lens.model);
-  }
-  if (!(std::abs(linearity) < 1)) {
-    throw InputError("{}: linearity {}: expected -1 to 1", where, linearity);
-  }
-  const std::string size = fmt::format("{}", std::abs(linearity));
-  std::string name = fmt::format("{}{}{}", kOfFormula, linearity < 0 ? "m" : "", size);
-  std::ranges::replace(name, '.', 'p');
-  const YamlNode formula =
-      YamlNode::Parse(fmt::format("source: Gennery, CAHVORE with linearity {}\n"
-                                  "radius: {}({}*theta)/{}\ndomain: [{}*theta < pi/2]\n",
-                                  linearity,
-                                  linearity > 0 ? "tan" : "sin",
-                                  size,
-                                  size,
-                                  size),
-                      where);
-  AddFormulaModel(name, formula, where);
-  return name;
-}
-
 // The inverse, of the lens of a model with parts.
 std::optional<double> LinearityOf(std::string_view model) {
   const std::string_view lens = model.substr(0, model.find('+'));
@@ -145,6 +120,29 @@ TiltedMatrix SplitTilt(const Eigen::Matrix3d& homography) {
 
 }  // namespace
 
+std::string LensOfLinearity(double linearity, const std::string& where) {
+  for (const LinearLens& lens : kLinearLenses) {
+    if (lens.linearity == linearity) return std::string(lens.model);
+  }
+  if (!(std::abs(linearity) < 1)) {
+    throw InputError("{}: linearity {}: expected -1 to 1", where, linearity);
+  }
+  const std::string size = fmt::format("{}", std::abs(linearity));
+  std::string name = fmt::format("{}{}{}", kOfFormula, linearity < 0 ? "m" : "", size);
+  std::ranges::replace(name, '.', 'p');
+  const YamlNode formula =
+      YamlNode::Parse(fmt::format("source: Gennery, CAHVORE with linearity {}\n"
+                                  "radius: {}({}*theta)/{}\ndomain: [{}*theta < pi/2]\n",
+                                  linearity,
+                                  linearity > 0 ? "tan" : "sin",
+                                  size,
+                                  size,
+                                  size),
+                      where);
+  AddFormulaModel(name, formula, where);
+  return name;
+}
+
 CalibratedCamera FromCahvor(const Cahvor& cahvor, ImageSize image_size, const std::string& where) {
   const double scale = 1 + cahvor.R[0];
   const Eigen::Vector3d A = cahvor.HVA.row(2);
@@ -184,7 +182,7 @@ CalibratedCamera FromCahvor(const Cahvor& cahvor, ImageSize image_size, const st
   CalibratedCamera camera;
   if (cahvor.linearity) {
     lens.name = "cahvore";
-    const CahvoreLenses lenses(LensOf(*cahvor.linearity, where));
+    const CahvoreLenses lenses(LensOfLinearity(*cahvor.linearity, where));
     camera = FromLens(lens, image_size, lenses.Table(), where);
   } else {
     camera = FromLens(lens, image_size, CahvorLenses(), where);

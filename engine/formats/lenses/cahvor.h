@@ -29,6 +29,10 @@ struct Cahvor {
   std::optional<double> linearity = {};  ///< of CAHVORE
 };
 
+/// Name of the lens of a linearity, which is made of a formula where there is none:
+/// "linearity-0p35", "linearity-m0p713". Throws as `FromCahvor`.
+std::string LensOfLinearity(double linearity, const std::string& where);
+
 /// Throws `Error` of kind kInput, `where` before the message.
 CalibratedCamera FromCahvor(const Cahvor& cahvor, ImageSize image_size, const std::string& where);
 

@@ -710,6 +710,30 @@ TEST_F(ForeignCameras, CahvoreOfAnyLinearityHasAMovingCentre) {
   }
 }
 
+// --- mrcal.c, project_latlon and project_stereographic.
+TEST_F(ForeignCameras, LatlonAndStereographicOfMrcalAreFormulas) {
+  const auto file = [](const char* lens) {
+    return fmt::format(
+        "{{ 'lensmodel': 'LENSMODEL_{}', 'intrinsics': [400, 410, 500, 400],\n"
+        "'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [1000, 800] }}\n",
+        lens);
+  };
+  const CalibratedCamera latlon = ReadOne("mrcal", file("LATLON"));
+  ExpectProjects(latlon, 80, [](const Eigen::Vector3d& p) {
+    return Eigen::Vector2d(400 * std::asin(p.x() / p.norm()) + 500,
+                           410 * std::atan2(p.y(), p.z()) + 400);
+  });
+  const CalibratedCamera stereographic = ReadOne("mrcal", file("STEREOGRAPHIC"));
+  ExpectProjects(stereographic, 120, [](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d u = 2 / (p.norm() + p.z()) * p.head<2>();
+    return Eigen::Vector2d(400 * u.x() + 500, 410 * u.y() + 400);
+  });
+  for (const CalibratedCamera& camera : {latlon, stereographic}) {
+    const std::string text = FindCameraFormat("mrcal", "a.cameramodel")->write({camera});
+    EXPECT_EQ(ReadOne("mrcal", text).params, camera.params);
+  }
+}
+
 TEST_F(ForeignCameras, CahvorFilesAreRead) {
   // mrcal, doc/data/figueroa-overpass-looking-S/splined-0.scale0.35.cahvor
   const std::string text =
