@@ -157,8 +157,9 @@ def test_given_cameras_are_exported(tmp_path: pathlib.Path) -> None:
     assert "PINHOLE 640 480" in (tmp_path / "cameras.txt").read_text()
 
 
-def test_models_are_tried(session: plenocal.Session, calibration: plenocal.Calibration) -> None:
-    rows = plenocal.try_models(session, models=["pinhole", calibration[0].model], folds=2)
+def test_models_are_tried(session: plenocal.Session, calibration: plenocal.Calibration, tmp_path: pathlib.Path) -> None:
+    rows = plenocal.try_models(session, tmp_path / "out", models=["pinhole", calibration[0].model], folds=2, stress=True)
+    assert "\nstress:\n" in (tmp_path / "out/try.yaml").read_text()
     assert {row["model"] for row in rows} == {"pinhole", calibration[0].model}
     with pytest.raises(plenocal.InputError, match="folds: expected a number from 2"):
         plenocal.try_models(session, folds=1)

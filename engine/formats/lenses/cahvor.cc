@@ -19,8 +19,7 @@
 namespace plenocal {
 namespace {
 
-// Coefficients k_1 k_2 tau_x tau_y alpha_s e_0 e_1 e_2. Named by the file's model, and "cahvore" by
-// the lens.
+// The lenses of CAHVOR. Coefficients: k_1 k_2 tau_x tau_y alpha_s e_0 e_1 e_2, as of CAHVORE.
 const LensTable& CahvorLenses() {
   static const LensTable kTable{
       "cahvor",
@@ -31,14 +30,13 @@ const LensTable& CahvorLenses() {
   return kTable;
 }
 
-// A part of CAHVORE and its place in the coefficients.
 struct CahvorePart {
   std::string_view name;
-  size_t first;
+  size_t first;  // of its parameters, among the coefficients
   std::vector<std::string> symbols;
 };
 
-// A lens with the parts that CAHVORE may have, fewest first; one of the table's forms for each.
+// The lenses of CAHVORE: one of a linearity, alone and with each choice of parts, fewest first.
 class CahvoreLenses {
  public:
   explicit CahvoreLenses(const std::string& lens) : table_{"cahvor", {}} {
@@ -69,24 +67,24 @@ class CahvoreLenses {
   LensTable table_;
 };
 
-struct LinearLens {
+struct LensWithLinearity {
   double linearity;
   std::string_view model;
 };
-constexpr std::array kLinearLenses{LinearLens{1, "pinhole"},
-                                   LinearLens{0, "equidistant"},
-                                   LinearLens{-0.5, "equisolid"},
-                                   LinearLens{-1, "orthographic"}};
-constexpr std::string_view kOfFormula = "linearity-";
+constexpr std::array kLensesWithLinearity{LensWithLinearity{1, "pinhole"},
+                                          LensWithLinearity{0, "equidistant"},
+                                          LensWithLinearity{-0.5, "equisolid"},
+                                          LensWithLinearity{-1, "orthographic"}};
+constexpr std::string_view kFormulaPrefix = "linearity-";
 
 // The inverse, of the lens of a model with parts.
 std::optional<double> LinearityOf(std::string_view model) {
   const std::string_view lens = model.substr(0, model.find('+'));
-  for (const LinearLens& each : kLinearLenses) {
+  for (const LensWithLinearity& each : kLensesWithLinearity) {
     if (each.model == lens) return each.linearity;
   }
-  if (!lens.starts_with(kOfFormula)) return std::nullopt;
-  std::string number(lens.substr(kOfFormula.size()));
+  if (!lens.starts_with(kFormulaPrefix)) return std::nullopt;
+  std::string number(lens.substr(kFormulaPrefix.size()));
   std::ranges::replace(number, 'p', '.');
   std::ranges::replace(number, 'm', '-');
   return ParseDouble(number);
@@ -121,14 +119,14 @@ TiltedMatrix SplitTilt(const Eigen::Matrix3d& homography) {
 }  // namespace
 
 std::string LensOfLinearity(double linearity, const std::string& where) {
-  for (const LinearLens& lens : kLinearLenses) {
+  for (const LensWithLinearity& lens : kLensesWithLinearity) {
     if (lens.linearity == linearity) return std::string(lens.model);
   }
   if (!(std::abs(linearity) < 1)) {
     throw InputError("{}: linearity {}: expected -1 to 1", where, linearity);
   }
   const std::string size = fmt::format("{}", std::abs(linearity));
-  std::string name = fmt::format("{}{}{}", kOfFormula, linearity < 0 ? "m" : "", size);
+  std::string name = fmt::format("{}{}{}", kFormulaPrefix, linearity < 0 ? "m" : "", size);
   std::ranges::replace(name, '.', 'p');
   const YamlNode formula =
       YamlNode::Parse(fmt::format("source: Gennery, CAHVORE with linearity {}\n"
