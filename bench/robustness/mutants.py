@@ -11,6 +11,7 @@ tells the places that it reaches. Then each mutant is switched on, and the tests
 fails or takes ten times its time and 10 s more. A mutant that passes them is a survivor: no test notices the change.
 Needs GCC and libclang (Debian: python3-clang-14 with /usr/bin/python3); tests of optional data sets and of browsers do not run.
 """
+import collections
 import concurrent.futures
 import json
 import os
@@ -115,7 +116,7 @@ class Suite:
 
     def __init__(self, build, options):
         shown = json.loads(common.run("ctest", "--test-dir", build, "--show-only=json-v1").stdout)
-        self.commands, self.seconds = {}, {}
+        self.commands, self.seconds, self.noticed = {}, {}, collections.Counter()
         for test in shown["tests"]:
             labels = next((each["value"] for each in test["properties"] if each["name"] == "LABELS"), [])
             wanted = re.search(options.tests, test["name"]) and (options.slow or "slow" not in labels)
@@ -152,13 +153,15 @@ class Suite:
                 return set()
             return {n for n, byte in enumerate(pathlib.Path(file.name).read_bytes()) if byte}
 
-    def try_mutant(self, number, names, seconds):
-        """Whether a test notices a mutant, and how many have run."""
+    def try_mutant(self, number, path, names, seconds):
+        """Whether a test notices a mutant of a file, and how many have run: those first that have noticed others of the file."""
         start = time.monotonic()
-        for ran, name in enumerate(sorted(names, key=self.seconds.get)):
+        cost = {name: self.seconds[name] / (1 + self.noticed[path, name]) for name in names}
+        for ran, name in enumerate(sorted(names, key=cost.get)):
             if time.monotonic() - start > seconds:
                 return False, ran
             if not self.run(name, 10 * self.seconds[name] + 10, PLENOCAL_MUTANT=str(number))[0]:
+                self.noticed[path, name] += 1
                 return True, ran + 1
         return False, len(names)
 
@@ -227,7 +230,10 @@ def main():
         end(f"{len(tests)} tests without a mutant")
         order = sorted(mutants, key=lambda n: (str(mutants[n].path), mutants[n].line))
         reached = {n: [name for name, points in tests.items() if n in points] for n in order}
-        for n, (noticed, ran) in zip(order, pool.map(lambda n: suite.try_mutant(n, reached[n], options.seconds), order)):
+
+        def attempt(n):
+            return suite.try_mutant(n, mutants[n].path, reached[n], options.seconds)
+        for n, (noticed, ran) in zip(order, pool.map(attempt, order)):
             point = mutants[n]
             if reached[n]:
                 results[n] = noticed, ran
