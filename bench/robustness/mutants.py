@@ -4,6 +4,7 @@
 
     bench/mutants assess/missing calib/noise --work /tmp/mutants
     bench/mutants calib/prior --work /tmp/mutants --count 40 --seed 2 --tests '^(calib|engine)/'
+    bench/mutants --mistakes 20 --work /tmp/mutants --seed 7   # made by hand: a wrong unit, a dropped covariance, ...
 
 A room is a folder of the source tree. A seeded sample of the places in its functions that can be changed is compiled, all
 behind switches, into the tests of a copy of the tree, in the folder --work. Each test runs once without a mutant, which
@@ -29,7 +30,7 @@ import clang.cindex
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import common
-from robustness import mutation_points
+from robustness import mistakes, mutation_points
 
 HEADER = """// SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -65,7 +66,7 @@ def joined(paths):
 
 
 def parse(paths, words):
-    kept = [word for before, word in zip([""] + words, words)
+    kept = [word for before, word in zip(["", *words], words)
             if word.startswith(("-I", "-D", "-std", "-isystem")) or before == "-isystem"]
     unit = clang.cindex.Index.create().parse("joined.cc", args=kept, unsaved_files=[("joined.cc", joined(paths))])
     errors = [each for each in unit.diagnostics if each.severity >= clang.cindex.Diagnostic.Error]
@@ -81,7 +82,7 @@ def write_compiled(words, sources, points):
         rewritten = {path: mutation_points.rewrite(source, own[path]) for path, source in sources.items()}
         for path, (text, _) in rewritten.items():
             path.write_bytes(text.encode("latin-1"))
-        done = subprocess.run(words + ["-fsyntax-only", "-fdiagnostics-color=never", "-x", "c++", "-"], input=joined(sources),
+        done = subprocess.run([*words, "-fsyntax-only", "-fdiagnostics-color=never", "-x", "c++", "-"], input=joined(sources),
                               capture_output=True, text=True)
         if done.returncode == 0:
             return points
@@ -102,12 +103,12 @@ def copy_tree(work):
         copy.chmod(source.stat().st_mode)
 
 
-def command_of(path, entries):
-    """The words that compile a source file: those of the unity source that includes it, without output and input."""
+def unity_of(path, entries):
+    """The unity source that includes a source file, and the words that compile it, without output and input."""
     for file, command in entries:
         if file == path or file.suffix == ".cxx" and f'"{path}"' in file.read_text():
             words = shlex.split(command)
-            return words[words.index("ccache") + 1 if "ccache" in words else 0:words.index("-o")]
+            return file, tuple(words[words.index("ccache") + 1 if "ccache" in words else 0:words.index("-o")])
     raise common.Failed(f"{path}: no target compiles it")
 
 
@@ -166,32 +167,69 @@ class Suite:
         return False, len(names)
 
 
+def sampled_of(count):
+    """Places to sample for so many mutants: some do not compile."""
+    return count + count // 4 + 5
+
+
+def by_unity(paths, entries):
+    """Files that one unity source includes, with the words that compile it."""
+    unities = collections.defaultdict(list)
+    for path in paths:
+        unities[unity_of(path, entries)].append(path)
+    return [(words, files) for (_, words), files in unities.items()]
+
+
 def choose(room, first, options, entries):
     """Of a room: the sampled points that compile, numbered from `first`, and how many it has; its files are written with them."""
-    paths = sorted((options.work / room).rglob("*.cc"))
-    words = command_of(paths[0], entries)
-    unit = parse(paths, words)
-    finders = [mutation_points.Finder(path, unit) for path in paths]
+    unities = by_unity(sorted((options.work / room).rglob("*.cc")), entries)
+    finders = []
+    for words, paths in unities:
+        unit = parse(paths, words)
+        finders += [mutation_points.Finder(path, unit) for path in paths]
     points = [point for finder in finders for point in finder.points]
-    sample = random.Random(f"{options.seed} {room}").sample(points, min(len(points), options.count + options.count // 4 + 5))
-    sources = {finder.path: finder.source for finder in finders}
-    compiled = write_compiled(words, sources, dict(enumerate(sample, first)))
+    sample = random.Random(f"{options.seed} {room}").sample(points, min(len(points), sampled_of(options.count)))
+    compiled = dict(enumerate(sample, first))
+    for words, paths in unities:
+        compiled = write_compiled(words, {finder.path: finder.source for finder in finders if finder.path in paths}, compiled)
+    compiled = dict(sorted(compiled.items()))
     return dict(list(compiled.items())[:options.count]), len(points)
+
+
+def draw_mistakes(options, entries):
+    """Points (number -> point) of a seeded sample of mistakes, and the numbers of each kind; their files are written."""
+    drawn = random.Random(options.seed).sample(
+        [(kind, *each) for kind, those in mistakes.MISTAKES.items() for each in those], options.mistakes)
+    sources = {path: path.read_bytes().decode("latin-1") for path in {options.work / name for _, name, _, _ in drawn}}
+    points, kinds = {}, collections.defaultdict(list)
+    for number, (kind, name, text, mistaken) in enumerate(drawn):
+        path = options.work / name
+        points[number] = mutation_points.replaced(path, sources[path], text, mistaken)
+        kinds[kind].append(number)
+    headers = [path for path in sources if path.suffix == ".h"]
+    for path in headers:
+        own = [each for each in points.items() if each[1].path == path]
+        path.write_bytes(mutation_points.rewrite(sources[path], own)[0].encode("latin-1"))
+    for words, paths in by_unity(sorted(sources.keys() - set(headers)), entries):
+        if write_compiled(words, {path: sources[path] for path in paths}, points) != points:
+            raise common.Failed(f"a mistake does not compile in {', '.join(path.name for path in paths)}")
+    return points, {kind: (len(mistakes.MISTAKES[kind]), numbers) for kind, numbers in kinds.items()}
 
 
 def show(rooms, results):
     print()
-    common.head("room", "places", "mutants", "never reached", "reached", "noticed", "survivors")
+    common.head("room", "places", "mutants", "never reached", "survivors", "noticed", "of those reached")
     for room, (places, own) in rooms.items():
         tried = [n for n in own if n in results]
         noticed = sum(results[n][0] for n in tried)
-        share = f"{noticed} ({100 * noticed / max(len(tried), 1):.0f} %)"
-        common.row(room, places, len(own), len(own) - len(tried), len(tried), share, len(tried) - noticed)
+        common.row(room, places, len(own), len(own) - len(tried), len(tried) - noticed,
+                   *(f"{100 * noticed / max(count, 1):.0f} %" for count in (len(own), len(tried))))
 
 
 def main():
     parser = common.parser(__doc__, plenocal=None)
-    parser.add_argument("rooms", nargs="+", metavar="ROOM", help="folder of the tree")
+    parser.add_argument("rooms", nargs="*", metavar="ROOM", help="folder of the tree")
+    parser.add_argument("--mistakes", type=int, default=0, metavar="N", help="no rooms but N of the mistakes of robustness/mistakes.py")
     parser.add_argument("--work", type=pathlib.Path, required=True, help="folder of the copy, which is kept for the next run")
     parser.add_argument("--count", type=int, default=100, help="mutants of a room")
     parser.add_argument("--seed", type=int, default=1)
@@ -201,6 +239,8 @@ def main():
     parser.add_argument("--slow", action="store_true", help="tests of the label slow, too")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
+    if bool(options.rooms) == bool(options.mistakes):
+        parser.error("give rooms or --mistakes")
     build = options.work / "build/release"
     start = time.monotonic()
 
@@ -212,10 +252,13 @@ def main():
     end("copied and configured")
     commands = json.loads((build / "compile_commands.json").read_text())
     entries = [(pathlib.Path(each["file"]), each["command"]) for each in commands]
-    mutants, rooms, count = {}, {}, len(options.rooms) * 2 * (options.count + 5)
+    mutants, rooms, count = {}, {}, len(options.rooms) * sampled_of(options.count) + options.mistakes
     (options.work / "plenocal_mutant.h").write_text(HEADER.replace("COUNT", str(count)))
-    for room in options.rooms:
-        points, places = choose(room, max(mutants, default=0) + 1, options, entries)
+    if options.mistakes:
+        mutants, rooms = draw_mistakes(options, entries)
+        end(f"{options.mistakes} mistakes drawn by seed {options.seed}")
+    for index, room in enumerate(options.rooms):
+        points, places = choose(room, index * sampled_of(options.count), options, entries)
         rooms[room] = places, list(points)
         mutants |= points
         end(f"{len(points)} of {places} places in {room} chosen")
@@ -237,6 +280,8 @@ def main():
             point = mutants[n]
             if reached[n]:
                 results[n] = noticed, ran
+            if options.mistakes and noticed:
+                print(f"{point.path.relative_to(options.work)}:{point.line}: `{point.original}` -> `{point.mutated}`: noticed")
             if not noticed:
                 passed = f"passes {ran} of {len(reached[n])} tests" if reached[n] else "never reached"
                 place = f"{point.path.relative_to(options.work)}:{point.line}"

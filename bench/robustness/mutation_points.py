@@ -153,6 +153,17 @@ class Finder:
             self.add(statement, "", "{ if (!plenocal_mutant(#)) ", " }", semicolon.end())
 
 
+def replaced(path, source, text, mistaken):
+    """The point where `text`, a statement with its semicolon or an expression, stands once in a source."""
+    if source.count(text) != 1:
+        raise ValueError(f"{path}: `{text}` is not once in it")
+    begin = source.index(text)
+    before, after = f"(plenocal_mutant(#) ? ({mistaken}) : (", "))"
+    if text.endswith(";"):
+        before, after = f"{{ if (plenocal_mutant(#)) {{ {mistaken} }} else {{ ", " } }"
+    return Point(path, source.count("\n", 0, begin) + 1, text, mistaken, [(begin, begin + len(text), before, after)])
+
+
 def rewrite(source, points):
     """The text of a file with its points, a list of (number, point), and where each is: (begin, end, number)."""
     edits = sorted((begin, -end, order, number, before, after) for order, (number, point) in enumerate(points)
