@@ -7,7 +7,10 @@ from clang.cindex import CursorKind as Kind, TypeKind
 TOP = '#include "plenocal_mutant.h"\n' + "".join(
     f'#pragma GCC diagnostic ignored "-W{name}"\n'
     for name in ("sign-compare", "parentheses", "maybe-uninitialized", "extra", "unused", "bool-compare", "int-in-bool-context",
-                 "duplicated-branches", "logical-op", "array-bounds", "float-equal"))
+                 "duplicated-branches", "logical-op", "array-bounds", "float-equal", "aggressive-loop-optimizations", "uninitialized",
+                 "div-by-zero", "overflow", "type-limits", "tautological-compare", "shift-count-overflow", "shift-count-negative", "nonnull",
+                 "null-dereference", "stringop-overread", "alloc-size-larger-than", "format-truncation", "dangling-pointer",
+                 "free-nonheap-object", "infinite-recursion", "empty-body"))
 FUNCTIONS = {Kind.FUNCTION_DECL, Kind.FUNCTION_TEMPLATE, Kind.CXX_METHOD, Kind.CONSTRUCTOR, Kind.DESTRUCTOR,
              Kind.CONVERSION_FUNCTION}
 INTEGERS = {getattr(TypeKind, name) for name in
