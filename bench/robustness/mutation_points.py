@@ -9,7 +9,7 @@ TOP = '#include "plenocal_mutant.h"\n' + "".join(
     for name in ("sign-compare", "parentheses", "maybe-uninitialized", "extra", "unused", "bool-compare", "int-in-bool-context",
                  "duplicated-branches", "logical-op", "array-bounds", "float-equal", "aggressive-loop-optimizations", "uninitialized",
                  "div-by-zero", "overflow", "type-limits", "tautological-compare", "shift-count-overflow", "shift-count-negative", "nonnull",
-                 "null-dereference", "stringop-overread", "alloc-size-larger-than", "format-truncation", "dangling-pointer",
+                 "null-dereference", "stringop-overread", "format-truncation", "dangling-pointer",
                  "free-nonheap-object", "infinite-recursion", "empty-body"))
 FUNCTIONS = {Kind.FUNCTION_DECL, Kind.FUNCTION_TEMPLATE, Kind.CXX_METHOD, Kind.CONSTRUCTOR, Kind.DESTRUCTOR,
              Kind.CONVERSION_FUNCTION}
