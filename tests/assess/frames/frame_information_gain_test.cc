@@ -75,5 +75,25 @@ TEST_F(Worth, OfTooFewPointsIsNothing) {
   EXPECT_EQ(gain.sigma_after, gain.sigma_before);
 }
 
+// Each view of a rig with jitter has an entry of its own in the jitter's tables.
+TEST_F(Worth, OfARigWithJitterIsLess) {
+  const NextViews suggested = Suggested(rig_);
+  const RigidTransform T_rig_target = suggested.views.at(0).T_rig_target;
+  const FrameInformationGain rigid =
+      FrameGainEvaluator(rig_, shape_, suggested).Evaluate(T_rig_target, Seen(T_rig_target));
+  RigEstimate loose = rig_;
+  Bundle& bundle = loose.bundle;
+  const size_t views = bundle.T_rig_target.size() * bundle.cameras.size();
+  bundle.jitter.delta.assign(views, Vector6d::Zero());
+  bundle.jitter.misplaced.assign(views, false);
+  bundle.jitter.translation_sigma = 1e-4;
+  bundle.jitter.rotation_sigma = 1e-4;
+  const FrameInformationGain gain =
+      FrameGainEvaluator(loose, shape_, suggested).Evaluate(T_rig_target, Seen(T_rig_target));
+  EXPECT_GT(gain.sigma_after, 0);
+  EXPECT_LE(gain.sigma_after, gain.sigma_before);
+  EXPECT_GT(gain.sigma_before, 0.99 * rigid.sigma_before);
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing

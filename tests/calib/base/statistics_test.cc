@@ -24,6 +24,11 @@ TEST(Statistics, TailsAndQuantilesAreThoseOfTables) {
 TEST(Statistics, QuantilesAreValues) {
   EXPECT_EQ(Quantile({5, 1, 4, 2, 3}, 0.25), 2);
   EXPECT_EQ(Quantile({5, 1, 4, 2, 3}, 1), 5);
+  // Ten values are nine intervals: 0.9 of them is next to the value 8, 0.06 next to 1.
+  const std::vector<double> digits{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  EXPECT_EQ(Quantile(digits, 0.9), 8);
+  EXPECT_EQ(Quantile(digits, 0.06), 1);
+  EXPECT_EQ(Quantile(digits, 0.05), 0);
   EXPECT_EQ(Quantile({}, 0.5), 0);
 }
 

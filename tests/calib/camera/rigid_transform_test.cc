@@ -179,5 +179,22 @@ TEST(LogJacobian, IsTheDerivativeOfTheLogarithmInTheChart) {
   }
 }
 
+TEST(InverseLogJacobian, IsTheDerivativeOfTheInversesLogarithmInTheChart) {
+  for (const Eigen::Vector3d& axis : Axes()) {
+    for (const double angle : {0.0, 1e-5, 0.1, 1.0, 2.0, 3.0}) {
+      const RigidTransform T{ExpRotation(angle * axis), {0.3, -1.2, 0.7}};
+      const auto log_of_inverse = [&](const Vector6d& step) {
+        return Log(Retract(T, step).Inverse());
+      };
+      const Matrix6d J = InverseLogJacobian(T);
+      for (int i = 0; i < 6; ++i) {
+        const Vector6d step = kStep * Vector6d::Unit(i);
+        const Vector6d numeric = (log_of_inverse(step) - log_of_inverse(-step)) / (2 * kStep);
+        EXPECT_LT((J.col(i) - numeric).norm(), 10 * kDerivative) << angle << ", column " << i;
+      }
+    }
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal

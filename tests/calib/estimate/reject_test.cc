@@ -48,6 +48,28 @@ TEST(RejectOutliers, RejectsAViewMostOfWhosePointsDisagree) {
   }
 }
 
+// Half of the points must agree; with one less none of the view is used.
+TEST(RejectOutliers, RejectsTheGoodPointsOfAViewMostOfWhosePointsDisagree) {
+  Bundle bundle = NoisyBundle();
+  std::vector<size_t> view;
+  for (size_t i = 0; i < bundle.observations.size(); ++i) {
+    if (bundle.observations[i].frame == 1) view.push_back(i);
+  }
+  const size_t half = (view.size() + 1) / 2;
+  for (size_t i = half; i < view.size(); ++i) bundle.observations[view[i]].seen.values[0] += 5;
+  RejectOutliers(&bundle);
+  for (size_t i = 0; i < view.size(); ++i) {
+    EXPECT_EQ(bundle.observations[view[i]].used, i < half);
+  }
+  // The last good one.
+  bundle.observations[view[half - 1]].seen.values[0] += 5;
+  if (view.size() % 2 != 0) bundle.observations[view[half - 2]].seen.values[0] += 5;
+  RejectOutliers(&bundle);
+  for (const BundleObservation& observation : bundle.observations) {
+    EXPECT_EQ(observation.used, observation.frame != 1);
+  }
+}
+
 TEST(DropWeakFrames, LeavesOutFramesWithFewerThanFourMarkers) {
   Bundle bundle = NoisyBundle();
   int kept = 0;
