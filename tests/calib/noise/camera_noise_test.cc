@@ -53,6 +53,26 @@ TEST(CameraNoise, CorrectsSigmasThatAreWrongByAFactor) {
   }
 }
 
+TEST(CameraNoise, IsThatOfTheUsedObservationsOfTheCamera) {
+  Bundle bundle = TrueBundle(MakeProblem(3, {.cameras = 2, .frames = 10}));
+  Random random(1);
+  AddNoise(
+      &random, [](size_t) { return 0.2; }, &bundle);
+  AssumeSigmas(0.2, &bundle);
+  const double before = EstimateCameraNoise(bundle, 0, {}).detector_scale;
+  size_t i = 0, unused = 0;
+  for (BundleObservation& observation : bundle.observations) {
+    if (observation.camera == 1) observation.seen.values[0] += 7;
+    if (observation.camera != 0 || ++i % 10 != 0) continue;
+    observation.seen.values[1] += 100;
+    observation.used = false;
+    ++unused;
+  }
+  ASSERT_GT(unused, 20U);
+  EXPECT_NEAR(EstimateCameraNoise(bundle, 0, {}).detector_scale, before, 0.5 * kTolerance);
+  EXPECT_GT(EstimateCameraNoise(bundle, 1, {}).detector_scale, 20);
+}
+
 TEST(CameraNoise, SeparatesAnAdditiveErrorWhereSigmasDiffer) {
   Bundle bundle = ExactBundle(20);
   const auto assumed = [](size_t i) { return i % 2 == 0 ? 0.05 : 0.5; };
