@@ -223,6 +223,38 @@ void ProjectColumns(const CameraModel& model,
   }
 }
 
+// Where the derivative of the distorted radius is zero, by hand.
+TEST(CameraModel, EndsWhereTheDistortedRadiusCeasesToGrow) {
+  struct Lens {
+    const char* model;
+    std::vector<double> coefficients;
+    double angle;  // rad
+  };
+  const std::vector<Lens> lenses{
+      {"kannala-brandt4", {-0.2, 0, 0, 0}, std::sqrt(1 / 0.6)},            // 1 - 0.6 t^2
+      {"kannala-brandt4", {0, 0, 0, -0.02}, std::pow(1 / 0.18, 1.0 / 8)},  // 1 - 0.18 t^8
+      {"pinhole-radial3", {-0.3, 0, 0}, std::atan(std::sqrt(1 / 0.9))},
+      {"pinhole-radtan4", {-0.3, 0, 0, 0}, std::atan(std::sqrt(1 / 0.9))},
+      {"pinhole-radtan", {0, -0.1, 0, 0, 0}, std::atan(std::pow(2, 0.25))},  // 1 - 0.5 r^4
+  };
+  for (const Lens& lens : lenses) {
+    const CameraModel& model = *FindModel(CameraModels(), lens.model);
+    std::vector<double> params{300, 300, 320, 240};
+    params.insert(params.end(), lens.coefficients.begin(), lens.coefficients.end());
+    const auto images = [&](double angle, double azimuth) {
+      const Eigen::Vector3d p(std::sin(angle) * std::cos(azimuth),
+                              std::sin(angle) * std::sin(azimuth),
+                              std::cos(angle));
+      double u[2];
+      return model.Project(params.data(), nullptr, nullptr, p, u);
+    };
+    for (const double azimuth : {0.0, 1.0, 4.0}) {
+      EXPECT_TRUE(images(lens.angle - 0.001, azimuth)) << lens.model;
+      EXPECT_FALSE(images(lens.angle + 0.001, azimuth)) << lens.model;
+    }
+  }
+}
+
 TEST(ProjectPoints, GivesBlocksToModelsThatTakeThem) {
   CameraModel model = *FindModel(CameraModels(), "kannala-brandt4");
   model.functions.project_block = &ProjectColumns;

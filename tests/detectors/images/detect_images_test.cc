@@ -45,9 +45,8 @@ class DetectOrdinary : public ::testing::Test {
     images_.push_back({frame, folder_ / frame});
     std::ofstream(images_.back().path, std::ios::binary) << content;
   }
-  ImageDetections Detect() {
+  ImageDetections Detect(DetectOptions options = {}) {
     DetectionCache cache(folder_ / "cache", "test", false);
-    DetectOptions options;
     options.cache = &cache;
     return DetectOrdinaryImages(
         images_, [this] { return MakeMarkerDetector(target_); }, options);
@@ -98,6 +97,30 @@ TEST_F(DetectOrdinary, MeasuresBlurAndSaturationOfTheTarget) {
     EXPECT_EQ(found.traits.at("0").saturated, 0);
     EXPECT_NEAR(found.traits.at("2").saturated, 0.5, 0.1);
   }
+}
+
+// What is kept of an earlier run is that of the same image and the same white images.
+TEST_F(DetectOrdinary, ReusesNothingOfOtherImagesOrWhiteImages) {
+  Save(Encoded(".png", Image()));
+  const auto put_white = [this](int level) {
+    DetectOptions options;
+    for (const char* const name : {"a", "b", "c"}) {
+      options.white_images.push_back({name, folder_ / name});
+      std::ofstream(folder_ / name, std::ios::binary)
+          << Encoded(".png", cv::Mat(220, 280, CV_8U, cv::Scalar(level)));
+    }
+    return options;
+  };
+  EXPECT_EQ(Detect().reused, 0U);
+  EXPECT_EQ(Detect().reused, 1U);
+  const DetectOptions white = put_white(200);
+  EXPECT_EQ(Detect(white).reused, 0U);
+  EXPECT_EQ(Detect(white).reused, 1U);
+  put_white(190);
+  EXPECT_EQ(Detect(white).reused, 0U);
+  std::ofstream(images_[0].path, std::ios::binary)
+      << Encoded(".png", Image({.blur = 0.9, .noise = 2}));
+  EXPECT_EQ(Detect(white).reused, 0U);
 }
 
 }  // namespace TEST_FILE
