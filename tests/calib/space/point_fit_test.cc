@@ -46,6 +46,8 @@ TEST(PointFit, ExactRaysMeetInTheirPointAtInfinityAndBeyond) {
       const SpacePoint point = ExactPoint(rig, direction, rho);
       ASSERT_TRUE(point.IsFound()) << point.reason;
       // The point is stated about the middle of the two centres.
+      const Eigen::Vector3d middle = rig.cameras[1].T_camera_rig.Inverse().t / 2;
+      EXPECT_LT((point.o - middle).norm(), 1e-12);
       const Eigen::Vector4d expected(direction.x(), direction.y(), direction.z(), rho);
       Eigen::Vector4d found;
       found << point.rho * point.o + point.m, point.rho;
