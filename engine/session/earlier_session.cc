@@ -33,6 +33,10 @@ CalibrationRecord ReadEarlierRecord(const EarlierFile& file, ImageSize size) {
     CalibrationRecord record;
     record.path = file.path;
     record.cameras = ReadCameraFile(FormatOf(file), source);
+    for (CalibratedCamera& camera : record.cameras) {
+      const auto count = std::ssize(camera.params);
+      camera.covariance = Eigen::MatrixXd::Zero(count, count);  // no standard errors
+    }
     return record;
   }
   return OpenWithCorrelations(file.path);

@@ -136,21 +136,22 @@ void McapFile::TakeChunk(ByteRange* range, const Record& record) {
   const std::string name = fields.Text();
   chunk.size = fields.Number<std::uint64_t>();
   const std::uint64_t header = all - fields.rest.size();
-  chunk.offset = kMcapMagic.size() + record.at + header;
+  const std::uint64_t place = kMcapMagic.size() + record.at;  // in the file
+  chunk.offset = place + header;
   const std::optional<Packing> packing = PackingOf(name);
   if (there < record.size && fields.good) {
     chunk.size = std::min(chunk.size, there - header);
     chunk.end = PackedEnd::kMissing;
   }
   if (!fields.good || chunk.size > record.size - header) {
-    AddDamage(fmt::format("the chunk at byte {} is damaged; its messages are lost", record.at));
+    AddDamage(fmt::format("the chunk at byte {} is damaged; its messages are lost", place));
     return;
   }
   if (!packing) {
     AddDamage(
         fmt::format("the chunk at byte {} is packed by '{}', which cannot be unpacked; "
                     "record with zstd, lz4 or none",
-                    record.at,
+                    place,
                     name.substr(0, 16)));
     return;
   }

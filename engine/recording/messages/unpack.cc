@@ -53,7 +53,8 @@ std::optional<ByteVector> UnpackZstd(ByteSpan packed, std::size_t most, PackedEn
     if (ZSTD_isError(left) != 0U) return std::nullopt;
     out.Add(to.pos);
     if (left == 0 && in.pos == in.size) return out.Take();
-    if (to.pos < to.size && in.pos == in.size) return AtEnd(end, &out);
+    const bool is_idle = to.pos < to.size || room.empty();
+    if (is_idle && in.pos == in.size) return AtEnd(end, &out);
     if (room.empty()) return std::nullopt;
   }
 }
@@ -75,7 +76,8 @@ std::optional<ByteVector> UnpackLz4(ByteSpan packed, std::size_t most, PackedEnd
     out.Add(written);
     packed = packed.subspan(taken);
     if (left == 0) return out.Take();
-    if (packed.empty() && written < room.size()) return AtEnd(end, &out);
+    const bool is_idle = written < room.size() || room.empty();
+    if (is_idle && packed.empty()) return AtEnd(end, &out);
     if (written == 0 && taken == 0) return std::nullopt;  // more than there may be
   }
 }
@@ -96,8 +98,10 @@ std::optional<ByteVector> UnpackBz2(ByteSpan packed, std::size_t most, PackedEnd
     const std::size_t written = room.size() - stream.avail_out;
     out.Add(written);
     if (status == BZ_STREAM_END) return out.Take();
-    if (status != BZ_OK || room.empty()) return std::nullopt;
-    if (stream.avail_in == 0 && stream.avail_out > 0) return AtEnd(end, &out);
+    if (status != BZ_OK) return std::nullopt;
+    const bool is_idle = written < room.size() || room.empty();
+    if (is_idle && stream.avail_in == 0) return AtEnd(end, &out);
+    if (room.empty()) return std::nullopt;
   }
 }
 
