@@ -10,7 +10,7 @@
 
 #include "calib/io/output_folder.h"
 #include "engine/rigs/triangulate_points.h"
-#include "tests/engine/rigs/temporary_folder.h"
+#include "tests/engine/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
