@@ -104,7 +104,7 @@ TEST_F(TriangulateImages, WarnOfPlacesThatLookLikeNoOther) {
   cv::Mat half = texture_(cv::Rect(kDisparity, 0, 320, 120)).clone();
   half.colRange(160, 320) = 90;
   WriteImage("right", half);
-  request_.at = {{"left", 100, 60}, {"left", 280, 60}};
+  request_.at = {{"left", 100.5, 60}, {"left", 280, 60}};
   std::vector<std::string> warnings;
   plenocal::Run run;
   run.listener.warning = [&](const std::string& line) { warnings.push_back(line); };

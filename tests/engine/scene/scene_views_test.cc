@@ -107,9 +107,8 @@ TEST(SceneViews, NeedTwentyPointsInCommon) {
 
 TEST(SceneViews, ImproveAFocalLengthOnTheWay) {
   std::vector<BundleCamera> cameras{Camera("left", 0)};
-  const SceneTracks tracks = Tracks(cameras, 40, 5);
+  const SceneTracks tracks = Tracks(cameras, 25, 4);
   cameras = {Camera("left", 0, 530)};
-  EXPECT_EQ(ReconstructScene(tracks, cameras, {}).cameras[0].params[0], 530);
   cameras[0].fixed = {false, false, true, true};
   const ReconstructedScene scene = ReconstructScene(tracks, cameras, {});
   EXPECT_NEAR(scene.cameras[0].params[0], kFocal, 5);
