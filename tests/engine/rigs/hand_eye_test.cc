@@ -21,7 +21,6 @@ namespace TEST_FILE {
 using ::testing::ElementsAre;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
-using ::testing::Not;
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kScatter = 2e-5;  // m and rad

@@ -6,8 +6,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include <cmath>
-#include <numbers>
 
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
@@ -17,9 +15,7 @@ namespace plenocal::testing {
 namespace TEST_FILE {
 
 using ::testing::ElementsAre;
-using ::testing::EndsWith;
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
 CalibratedCamera Camera(const std::string& name, double focal, double sigma) {

@@ -9,7 +9,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "calib/base/statistics.h"
 #include "tests/calib/space/uncertain_rig.h"

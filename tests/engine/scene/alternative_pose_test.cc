@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 
-#include <cmath>
 #include <numbers>
 
 #include "engine/scene/scene_tracks.h"

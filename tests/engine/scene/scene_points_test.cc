@@ -3,7 +3,6 @@
 // Points of a pair at the limits of parallax and residuals, poses at those of their numbers.
 #include <gmock/gmock.h>
 
-#include <cmath>
 #include <limits>
 
 #include "calib/camera/rays.h"

@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 
-#include <cmath>
 
 #include "models/registry.h"
 #include "tests/calib/random.h"
