@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
 #include "tests/engine/temporary_folder.h"

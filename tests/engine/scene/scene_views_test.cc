@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 
-
 #include "models/registry.h"
 #include "tests/calib/random.h"
 #include "tests/engine/temporary_folder.h"
