@@ -41,9 +41,10 @@ SceneCalibrationInput Pair(bool known, int offset) {
     camera.fixed.assign(4, true);
     camera.image_size = {640, 480};
     for (int frame = 0; frame < 4; ++frame) {
+      // Turns about the scene alone would leave the right camera's distances open.
       const double angle = 0.2 * frame;
       const RigidTransform T{ExpRotation({0.3 * std::sin(3 * angle), angle, 0.2 * angle}),
-                             {0.3, 0, 4}};
+                             {0.3 - 0.25 * frame, 0.2 * std::sin(2.0 * frame), 4 + 0.2 * frame}};
       View& view = camera.views.emplace_back();
       view.frame = std::to_string(frame);
       for (int k = 0; k < kPoints; ++k) {
