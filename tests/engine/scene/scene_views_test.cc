@@ -105,7 +105,7 @@ TEST(SceneViews, NeedTwentyPointsInCommon) {
 
 TEST(SceneViews, ImproveAFocalLengthOnTheWay) {
   std::vector<BundleCamera> cameras{Camera("left", 0)};
-  const SceneTracks tracks = Tracks(cameras, 25, 4);
+  const SceneTracks tracks = Tracks(cameras, 40, 5);
   cameras = {Camera("left", 0, 530)};
   cameras[0].fixed = {false, false, true, true};
   const ReconstructedScene scene = ReconstructScene(tracks, cameras, {});
