@@ -3,33 +3,55 @@
 // A folder for the files of one test, and the message with which a function refuses them.
 #pragma once
 
-#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 
 #include "calib/base/error.h"
 
 namespace plenocal::testing {
 
-class TemporaryFolder : public ::testing::Test {
- protected:
-  TemporaryFolder() { std::filesystem::create_directories(folder_); }
-  ~TemporaryFolder() override { std::filesystem::remove_all(folder_); }
+class TemporaryFolder {
+ public:
+  TemporaryFolder() { std::filesystem::create_directories(path_); }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
 
-  [[nodiscard]] std::filesystem::path Path(const std::string& name) const { return folder_ / name; }
+  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
+    return path_ / name;
+  }
   std::filesystem::path Write(const std::string& name, const std::string& content) const {
-    std::filesystem::create_directories(Path(name).parent_path());
-    std::ofstream(Path(name), std::ios::binary) << content;
-    return Path(name);
+    std::filesystem::create_directories((path_ / name).parent_path());
+    std::ofstream(path_ / name, std::ios::binary) << content;
+    return path_ / name;
+  }
+  [[nodiscard]] std::string Read(const std::string& name) const {
+    std::ifstream file(path_ / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  [[nodiscard]] const std::filesystem::path& Path() const { return path_; }
+
+ private:
+  std::filesystem::path path_ = std::filesystem::temp_directory_path() /
+                                ("plenocal_engine_" + std::to_string(::getpid()) + "_" +
+                                 ::testing::UnitTest::GetInstance()->current_test_info()->name());
+};
+
+/// A test with such a folder.
+class InTemporaryFolder : public ::testing::Test {
+ protected:
+  [[nodiscard]] std::filesystem::path Path(const std::string& name) const { return files_ / name; }
+  std::filesystem::path Write(const std::string& name, const std::string& content) const {
+    return files_.Write(name, content);
   }
 
-  const std::filesystem::path folder_ =
-      std::filesystem::path(::testing::TempDir()) /
-      ("plenocal_" + std::to_string(getpid()) + "_" +
-       ::testing::UnitTest::GetInstance()->current_test_info()->name());
+  TemporaryFolder files_;
+  const std::filesystem::path folder_ = files_.Path();
 };
 
 /// The message of the error of this kind that `run` throws.
@@ -42,6 +64,17 @@ std::string RefusalOf(const Run& run, ErrorKind kind = ErrorKind::kInput) {
     return error.what();
   }
   return "no refusal";
+}
+
+/// "input: " or "job: " and the message with which `call` refuses; "" if it does not.
+template <typename Call>
+std::string Refusal(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return (error.kind() == ErrorKind::kInput ? "input: " : "job: ") + std::string(error.what());
+  }
+  return {};
 }
 
 }  // namespace plenocal::testing

@@ -186,7 +186,7 @@ TEST(TimePairs, KnowTheUsualIntervalAndTheFirstCamera) {
 
 // ---- files of times
 
-class TimesFiles : public TemporaryFolder {
+class TimesFiles : public InTemporaryFolder {
  protected:
   [[nodiscard]] std::vector<std::string> Rows(
       const std::string& text, ExposureUnit unit = ExposureUnit::kMilliseconds) const {

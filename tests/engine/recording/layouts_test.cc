@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
-class Layouts : public TemporaryFolder {
+class Layouts : public InTemporaryFolder {
  protected:
   void Make(const std::vector<std::string>& files) const {
     for (const std::string& file : files) Write(file, "");
@@ -137,7 +137,7 @@ TEST_F(Layouts, OfRecordingYamlGoFirst) {
 
 // ---- messages
 
-class Topics : public TemporaryFolder {
+class Topics : public InTemporaryFolder {
  protected:
   using Form = MessageWriter::Form;
   struct Topic {

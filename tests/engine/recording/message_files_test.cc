@@ -49,7 +49,7 @@ std::string McapImage(int i, int channel = 3) {
       static_cast<std::uint16_t>(channel), (101 + i) * kSecond + 11 * i, CdrImage(i));
 }
 
-class MessageFiles : public TemporaryFolder {
+class MessageFiles : public InTemporaryFolder {
  protected:
   [[nodiscard]] std::shared_ptr<const MessageFile> Open(const std::string& content,
                                                         const std::string& name = "file") const {

@@ -130,7 +130,7 @@ std::map<std::string, std::vector<std::string>> NeedsOf(const Recording& recordi
   return needs;
 }
 
-class Needs : public TemporaryFolder {};
+class Needs : public InTemporaryFolder {};
 
 TEST_F(Needs, AreNamedOfEachCommand) {
   const std::string calibration =
@@ -353,7 +353,7 @@ TEST(SummaryJsons, HaveAKeyOfEachProperty) {
 
 // ---- supplied detections
 
-class Supplied : public TemporaryFolder {
+class Supplied : public InTemporaryFolder {
  protected:
   SuppliedDetections Read(const std::string& text,
                           std::vector<std::string> columns,

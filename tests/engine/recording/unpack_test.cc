@@ -100,7 +100,7 @@ TEST(Unpack, KnowsZstdByItsFirstFourBytes) {
   EXPECT_FALSE(IsZstd(BytesOf(Lz4("text"))));
 }
 
-class InputBytesOfFiles : public TemporaryFolder {};
+class InputBytesOfFiles : public InTemporaryFolder {};
 
 TEST_F(InputBytesOfFiles, AreReadAnywhere) {
   const std::string text = Noisy(20'000);

@@ -14,7 +14,7 @@ namespace TEST_FILE {
 
 using ::testing::IsEmpty;
 
-class Videos : public TemporaryFolder {
+class Videos : public InTemporaryFolder {
  protected:
   /// The grey value of a frame, which is the same in all pixels and colours.
   static int GreyOf(const StoredImage& image) {

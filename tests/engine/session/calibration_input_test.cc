@@ -180,7 +180,7 @@ TEST(CalibrationInputs, RefuseAnImageCircleBesideTheImage) {
 
 // ---- earlier calibrations
 
-class EarlierCalibrations : public TemporaryFolder {
+class EarlierCalibrations : public InTemporaryFolder {
  protected:
   EarlierCalibrations() {
     Write("calibration.yaml",

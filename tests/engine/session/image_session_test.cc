@@ -21,7 +21,7 @@ using ::testing::IsEmpty;
 
 constexpr const char* kBoard = "chessboard:9x6:25mm";
 
-class ImageSessions : public TemporaryFolder {
+class ImageSessions : public InTemporaryFolder {
  protected:
   ImageSessions() {
     for (const char* file : {"l/a1.png", "l/a2.png", "r/b1.png", "r/b2.png", "one/x.png"})

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Points of a pair at the limits of parallax and residuals, poses at those of their numbers.
+#include <gmock/gmock.h>
+
+#include <limits>
+
+#include "calib/camera/rays.h"
+#include "engine/scene/scene_start.h"
+#include "engine/scene/scene_tracks.h"
+#include "models/registry.h"
+#include "tests/calib/random.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using ::testing::ElementsAre;
+
+constexpr double kFocal = 500, kBase = 0.2;  // px, m
+
+BundleCamera Camera(double x) {
+  BundleCamera camera{.name = "c",
+                      .image_size = {800, 600},
+                      .model = FindModel(CameraModels(), "pinhole"),
+                      .config = {},
+                      .params = {kFocal, kFocal, 400, 300},
+                      .fixed = std::vector<bool>(4, true),
+                      .T_camera_rig = {Eigen::Matrix3d::Identity(), {-x, 0, 0}}};
+  camera.is_master = true;
+  return camera;
+}
+
+// Exact observations of points by a pair in frames with these poses.
+Bundle Exact(const std::vector<Eigen::Vector3d>& points, const std::vector<RigidTransform>& poses) {
+  Bundle bundle;
+  bundle.cameras = {Camera(0), Camera(kBase)};
+  bundle.T_rig_target = poses;
+  for (size_t m = 0; m < points.size(); ++m) {
+    bundle.markers.push_back(
+        {.number = static_cast<int>(m), .position = points[m], .nominal = points[m]});
+  }
+  for (int frame = 0; frame < static_cast<int>(poses.size()); ++frame) {
+    for (int c = 0; c < 2; ++c) {
+      for (int m = 0; m < static_cast<int>(points.size()); ++m) {
+        const Eigen::Vector3d p =
+            bundle.cameras[static_cast<size_t>(c)].T_camera_rig *
+            (poses[static_cast<size_t>(frame)] * points[static_cast<size_t>(m)]);
+        BundleObservation seen{.camera = c, .frame = frame, .marker = m, .seen = {}};
+        seen.seen.values[0] = 400 + kFocal * p.x() / p.z();
+        seen.seen.values[1] = 300 + kFocal * p.y() / p.z();
+        bundle.observations.push_back(seen);
+      }
+    }
+  }
+  return bundle;
+}
+
+TEST(SceneResiduals, AreLengthsInTheImage) {
+  Bundle bundle = Exact({{0.1, 0.2, 2}}, {{}});
+  BundleObservation& seen = bundle.observations[1];
+  EXPECT_NEAR(ResidualLength(bundle, seen), 0, 1e-9);
+  seen.seen.values[0] += 3;
+  seen.seen.values[1] -= 4;
+  EXPECT_NEAR(ResidualLength(bundle, seen), 5, 1e-9);
+  bundle.T_rig_target[0].t.z() = -5;
+  EXPECT_EQ(ResidualLength(bundle, seen), std::numeric_limits<double>::infinity());
+}
+
+TEST(SceneResiduals, TheLimitIsThatOfUsedOnesWithPoseAndPoint) {
+  Bundle bundle = Exact({{0, 0, 2}, {0.1, 0, 2}, {0.2, 0, 2}}, {{}, {}});
+  SceneState state = MakeSceneState(&bundle);
+  EXPECT_EQ(ResidualLimit(state), 0);
+  // Three good lengths 1, 2, 4; larger ones without a pose, a point or use.
+  for (BundleObservation& seen : bundle.observations) {
+    const bool good = seen.frame == 1 && seen.marker < 2;
+    seen.seen.values[0] += good ? 1 << (2 * seen.camera + seen.marker) : 100;
+    if (good && seen.camera == 1 && seen.marker == 1) seen.used = false;
+  }
+  state.has_pose = {false, true};
+  state.has_point = {true, true, false};
+  // 3.3 sigmas, half of a Gaussian's deviations are below 0.6745 of them.
+  EXPECT_NEAR(ResidualLimit(state), 3.3 / 0.67448975 * 2, 1e-6);
+}
+
+bool IsPlaced(Bundle bundle, double limit, double least_parallax) {
+  SceneState state = MakeSceneState(&bundle);
+  state.least_parallax = least_parallax;
+  state.has_pose.assign(bundle.T_rig_target.size(), true);
+  const Eigen::Vector3d truth = bundle.markers[0].position;
+  bundle.markers[0].position = {7, 8, 9};
+  Triangulate(0, limit, &state);
+  EXPECT_LT(
+      (bundle.markers[0].position - (state.has_point[0] ? truth : Eigen::Vector3d(7, 8, 9))).norm(),
+      state.has_point[0] ? 0.05 : 1e-15);
+  return state.has_point[0];
+}
+
+TEST(ScenePoints, NeedTheLeastParallax) {
+  for (const double least : {1.0 / 60, 1.0 / 200}) {
+    const double z = kBase / least;
+    EXPECT_TRUE(IsPlaced(Exact({{kBase / 2, 0, 0.99 * z}}, {{}}), 0.1, least));
+    EXPECT_FALSE(IsPlaced(Exact({{kBase / 2, 0, 1.01 * z}}, {{}}), 0.1, least));
+  }
+}
+
+TEST(ScenePoints, AgreeWithAllObservationsUpToTheLimit) {
+  for (const double up : {1.96, 2.04}) {
+    Bundle bundle = Exact({{kBase / 2, 0, 2}}, {{}});
+    bundle.observations[1].seen.values[1] += up;  // half of it in each image
+    EXPECT_EQ(IsPlaced(bundle, 1, 1.0 / 60), up < 2);
+  }
+}
+
+TEST(ScenePoints, LieBeforeTheCameras) {
+  Bundle bundle = Exact({{kBase / 2, 0, 2}}, {{}});
+  std::swap(bundle.observations[0].seen.values, bundle.observations[1].seen.values);
+  EXPECT_FALSE(IsPlaced(bundle, 1e9, 1.0 / 60));
+}
+
+TEST(ScenePoints, OfOneCameraAreMeasuredFromTheFirstFrameThatHasAPose) {
+  const RigidTransform moved{ExpRotation({0, 0.1, 0}), {-0.3, 0.1, 0.05}};
+  Bundle bundle = Exact({{0.1, 0.2, 2}}, {{}, moved, moved});
+  std::erase_if(bundle.observations,
+                [](const BundleObservation& seen) { return seen.camera == 1; });
+  const Eigen::Vector3d truth = bundle.markers[0].position;
+  // Frames 1 and 2 have no parallax; frame 0 counts once it has a pose.
+  for (const bool has_first : {false, true}) {
+    SceneState state = MakeSceneState(&bundle);
+    state.has_pose = {has_first, true, true};
+    bundle.markers[0].position.setZero();
+    Triangulate(2, 0.1, &state);
+    EXPECT_EQ(state.has_point[0], has_first);
+    if (has_first) {
+      EXPECT_LT((bundle.markers[0].position - truth).norm(), 1e-6);
+    }
+  }
+  SceneState state = MakeSceneState(&bundle);
+  state.has_pose = {true, true, true};
+  Triangulate(0, 0.1, &state);
+  EXPECT_FALSE(state.has_point[0]);
+}
+
+// So that robust sigmas are not those of rounding.
+void AddNoise(Bundle* bundle) {
+  Random random(9);
+  for (BundleObservation& seen : bundle->observations) {
+    for (size_t k = 0; k < 2; ++k) seen.seen.values[k] += random.Gaussian(0.01);
+  }
+}
+
+std::vector<Eigen::Vector3d> Cloud(int count) {
+  Random random(6);
+  std::vector<Eigen::Vector3d> points;
+  for (int k = 0; k < count; ++k) {
+    points.emplace_back(random.Uniform(-1, 1), random.Uniform(-0.7, 0.7), random.Uniform(2, 4));
+  }
+  return points;
+}
+
+const RigidTransform kMoved{ExpRotation({0.02, -0.05, 0.03}), {-0.1, 0.05, 0.1}};
+
+// The pose of frame 0, whose first `wrong` points are elsewhere in both images.
+std::optional<PoseSearch> Search(int count,
+                                 int wrong,
+                                 std::optional<double> limit = {},
+                                 size_t fewest = kFewestAgreeing) {
+  Bundle bundle = Exact(Cloud(count), {kMoved});
+  AddNoise(&bundle);
+  Random random(8);
+  for (BundleObservation& seen : bundle.observations) {
+    if (seen.marker >= wrong) continue;
+    seen.seen.values[0] = random.Uniform(0, 800);
+    seen.seen.values[1] = random.Uniform(0, 600);
+  }
+  bundle.T_rig_target[0] = {};
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(bundle.markers.size(), true);
+  std::optional<PoseSearch> found = FindPose(state, 0, limit, fewest);
+  EXPECT_EQ(bundle.T_rig_target[0].t.norm(), 0);
+  if (found) {
+    EXPECT_LT((found->T_rig_target.t - kMoved.t).norm(), 1e-3);
+    EXPECT_LT(LogRotation(found->T_rig_target.R * kMoved.R.transpose()).norm(), 1e-3);
+    EXPECT_EQ(found->candidates, static_cast<size_t>(count));
+  }
+  return found;
+}
+
+TEST(ScenePoses, AreThoseOfTheMajority) {
+  const auto found = Search(20, 6);
+  ASSERT_TRUE(found);
+  EXPECT_GE(found->inliers, 12U);
+  EXPECT_LE(found->inliers, 14U);
+}
+
+TEST(ScenePoses, NeedEightLandmarks) {
+  EXPECT_TRUE(Search(8, 0));
+  EXPECT_FALSE(Search(7, 0));
+}
+
+TEST(ScenePoses, WithALimitAreThoseOfTheMostThatAgree) {
+  const auto found = Search(40, 25, 2.0);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->inliers, 15U);
+  EXPECT_NEAR(found->sigma, 2.0 / 3.3, 1e-12);
+  EXPECT_TRUE(Search(40, 28, 2.0));
+  EXPECT_TRUE(Search(40, 25, 2.0, 15));
+  EXPECT_FALSE(Search(40, 25, 2.0, 16));
+}
+
+TEST(ScenePoses, FollowTheFrameWithMostKnownPointsFirst) {
+  // Frame 0 shows points 0 to 19; frame 1 shows 12 to 31, frame 2 shows 4 to 23; frame 3 shows
+  // seven of the first.
+  const std::vector<Eigen::Vector3d> points = Cloud(32);
+  const RigidTransform step{ExpRotation({0, 0, 0.02}), {0.05, 0, 0}};
+  const std::vector<RigidTransform> poses{{}, step, step * step, kMoved};
+  Bundle bundle = Exact(points, poses);
+  AddNoise(&bundle);
+  const int first[] = {0, 12, 4, 0}, last[] = {19, 31, 23, 6};
+  std::erase_if(bundle.observations, [&](const BundleObservation& seen) {
+    return seen.marker < first[seen.frame] || seen.marker > last[seen.frame];
+  });
+  bundle.T_rig_target.assign(4, {});
+  SceneState state = MakeSceneState(&bundle);
+  state.has_pose[0] = true;
+  for (size_t m = 0; m < 20; ++m) state.has_point[m] = true;
+  std::vector<size_t> counts;
+  std::vector<bool> after_first;
+  const size_t posed = FollowByOverlap(
+      [&](size_t count) {
+        counts.push_back(count);
+        if (counts.size() == 1) after_first = state.has_pose;
+      },
+      &state);
+  EXPECT_EQ(posed, 3U);
+  EXPECT_THAT(counts, ElementsAre(2, 3));
+  EXPECT_THAT(after_first, ElementsAre(true, false, true, false));
+  EXPECT_THAT(state.has_pose, ElementsAre(true, true, true, false));
+  EXPECT_LT((bundle.T_rig_target[1].t - poses[1].t).norm(), 1e-3);
+  KeepStarted(state, &bundle);
+  for (const BundleObservation& seen : bundle.observations) {
+    EXPECT_NE(seen.frame, 3);
+    EXPECT_TRUE(state.has_point[static_cast<size_t>(seen.marker)]);
+  }
+  EXPECT_GE(bundle.observations.size(), 100U);
+}
+
+// A plenoptic camera sees distances by itself: its rays through several micro lenses meet.
+TEST(SceneScaleOwn, IsThatOfThePlacesWhereRaysOfSingleViewsMeet) {
+  Bundle bundle;
+  BundleCamera& camera = bundle.cameras.emplace_back();
+  camera.model = FindModel(CameraModels(), "focused-plenoptic");
+  camera.config = {5e-6};
+  camera.params = {0.016, 0.0155, 0.0005, 500, 500, 0, 0, 0, 0};
+  camera.fixed.assign(9, true);
+  bundle.T_rig_target = {{}, {}};
+  constexpr double kFactor = 2.5;
+  for (int m = 0; m < 3; ++m) {
+    const Eigen::Vector3d p(0.01 * m, 0.005, 0.4 + 0.1 * m);
+    bundle.markers.push_back({.number = m, .position = kFactor * p, .nominal = p});
+    for (int lens = 0; lens < 4; ++lens) {
+      BundleObservation seen{.frame = 0, .marker = m, .seen = {}};
+      seen.seen.values[2] = 480 + 40 * (lens % 2);
+      seen.seen.values[3] = 490 + 40 * (lens / 2);
+      double u[kMaxObservationSize];
+      ASSERT_TRUE(Project(camera, seen.seen.values.data(), p, u));
+      seen.seen.values[0] = u[0];
+      seen.seen.values[1] = u[1];
+      bundle.observations.push_back(seen);
+    }
+  }
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(3, true);
+  EXPECT_FALSE(ScaleByOwnDistances(state));
+  state.has_pose[0] = true;
+  EXPECT_NEAR(ScaleByOwnDistances(state).value(), 1 / kFactor, 1e-6);
+  // The median of three.
+  bundle.markers[2].position *= 10;
+  EXPECT_NEAR(ScaleByOwnDistances(state).value(), 1 / kFactor, 1e-6);
+  bundle.markers[1].position *= 10;
+  EXPECT_NEAR(ScaleByOwnDistances(state).value(), 0.1 / kFactor, 1e-7);
+  state.has_point = {false, false, true};
+  EXPECT_NEAR(ScaleByOwnDistances(state).value(), 0.1 / kFactor, 1e-7);
+  bundle.markers[2].position.z() *= -1;
+  EXPECT_FALSE(ScaleByOwnDistances(state));
+  Bundle pair = Exact({{0, 0, 2}}, {{}});
+  SceneState ordinary = MakeSceneState(&pair);
+  ordinary.has_pose = {true};
+  ordinary.has_point = {true};
+  EXPECT_FALSE(ScaleByOwnDistances(ordinary));
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
