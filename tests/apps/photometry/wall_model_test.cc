@@ -1,0 +1,529 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Samples of a wall, predictions of its model, and fits on a small camera, by formulas and truth.
+#include "apps/photometry/wall_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <random>
+
+#include "apps/photometry/vignette_fit.h"
+#include "apps/photometry/vignette_splines.h"
+#include "calib/base/error.h"
+#include "models/registry.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+using Eigen::Vector3d;
+using ::testing::IsEmpty;
+
+constexpr double kPi = std::numbers::pi;
+constexpr int kWidth = 160, kHeight = 28;
+constexpr double kFocal = 110, kCentreX = 78, kCentreY = 14;
+constexpr double kElectrons = 10000;
+
+double TrueAttenuation(double x, double y) {
+  const double u = (x - 70) / 80, v = (y - 16) / 80;
+  return 1 / std::pow(1 + 0.5 * (u * u + v * v), 2);
+}
+double Brightness(const Vector3d& p) {
+  return std::exp(0.25 * std::sin(9 * p.x() + 1) * std::cos(7 * p.y()) +
+                  0.15 * std::sin(23 * p.x() - 17 * p.y()) - 0.1 * p.x());
+}
+
+struct SmallWall {
+  CalibratedCamera camera;
+  WallRecording recording;
+  std::vector<double> errors;  // ln(true / recorded exposure)
+};
+
+struct WallChanges {
+  int views = 18;
+  double noise = 1;    // of 10,000 electrons
+  double shading = 0;  // of light that goes with the camera, along its x
+  int misplaced = -1;
+};
+
+SmallWall MakeSmallWall(const WallChanges& changes = {}) {
+  std::mt19937_64 engine(3);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  SmallWall wall;
+  wall.camera.model = FindModel(CameraModels(), "pinhole-radial3");
+  wall.camera.image_size = {kWidth, kHeight};
+  wall.camera.params = {kFocal, kFocal, kCentreX, kCentreY, 0, 0, 0};
+  for (int i = 0; i < changes.views; ++i) {
+    // Every second one is turned by 130 or 180 degrees.
+    const double roll = (i % 2 == 0 ? 0 : i % 4 == 1 ? 2.3 : kPi) + 0.1 * uniform(engine);
+    RigidTransform T;
+    T.R = (Eigen::AngleAxisd(roll, Vector3d::UnitZ()) *
+           Eigen::AngleAxisd(0.35 * uniform(engine), Vector3d::UnitX()) *
+           Eigen::AngleAxisd(0.35 * uniform(engine), Vector3d::UnitY()))
+              .toRotationMatrix() *
+          Vector3d(1, -1, -1).asDiagonal();
+    T.t = Vector3d(0.15 * uniform(engine), 0.1 * uniform(engine), 0.8 + 0.15 * uniform(engine));
+    const RigidTransform back = T.Inverse();
+    const double exposure = 3 + uniform(engine), error = 0.02 * normal(engine);
+    wall.errors.push_back(error);
+    WallView view{.frame = std::to_string(i),
+                  .exposure = exposure,
+                  .T_camera_wall = T,
+                  .brightness = {},
+                  .light = {}};
+    view.light.create(kHeight, kWidth, CV_32F);
+    view.brightness.create(kHeight, kWidth, CV_32F);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const Vector3d ray = back.R * Vector3d((x - kCentreX) / kFocal, (y - kCentreY) / kFocal, 1);
+        const Vector3d p = back.t - back.t.z() / ray.z() * ray;
+        double light = 30 * Brightness(p) * TrueAttenuation(x, y) * exposure * std::exp(error) *
+                       (1 + changes.shading * (x - kCentreX) / kWidth);
+        light += changes.noise * normal(engine) * std::sqrt(light * 255 / kElectrons);
+        view.light.at<float>(y, x) = static_cast<float>(light);
+        view.brightness.at<float>(y, x) = static_cast<float>(std::log(light / exposure));
+      }
+    }
+    if (i == changes.misplaced) view.T_camera_wall.t.x() += 0.06;
+    wall.recording.views.push_back(view);
+  }
+  wall.recording.marker = {-0.05, -0.04, 0.05, 0.04};
+  return wall;
+}
+
+WallRecording Recorded(const SmallWall& wall) {
+  WallRecording recording = wall.recording;
+  recording.camera = &wall.camera;
+  return recording;
+}
+
+TEST(WallSamples, AreProjectedIntoTheReducedImage) {
+  SmallWall wall = MakeSmallWall({.views = 1});
+  wall.recording.reduction = 2;
+  const WallRecording recording = Recorded(wall);
+  const WallProjector projector(recording);
+  EXPECT_EQ(projector.Reduce(0.5), 0);
+  EXPECT_EQ(projector.Reduce(4.5), 2);
+  EXPECT_EQ(projector.Enlarge(2), 4.5);
+  WallView view = recording.views[0];
+  view.T_camera_wall = {ExpRotation({0.4, 0.3, 0.2}) * Vector3d(1, -1, -1).asDiagonal(),
+                        {0.02, 0.01, 0.8}};
+  const Vector3d point(0.03, -0.02, 0);
+  const auto place = [&](const Vector3d& p) {
+    const Vector3d q = view.T_camera_wall * p;
+    return Eigen::Vector2d(projector.Reduce(kFocal * q.x() / q.z() + kCentreX),
+                           projector.Reduce(kFocal * q.y() / q.z() + kCentreY));
+  };
+  WallProjection seen;
+  ASSERT_TRUE(projector(view, point, &seen));
+  EXPECT_NEAR(seen.x, place(point).x(), 1e-9);
+  EXPECT_NEAR(seen.y, place(point).y(), 1e-9);
+  // The area by the Jacobian's determinant.
+  constexpr double kStep = 1e-5;
+  Eigen::Matrix2d J;
+  J << (place(point + Vector3d(kStep, 0, 0)) - place(point)) / kStep,
+      (place(point + Vector3d(0, kStep, 0)) - place(point)) / kStep;
+  EXPECT_NEAR(seen.area / std::abs(J.determinant()), 1, 1e-3);
+  // The reduced image of these tests has the size of the whole one.
+  EXPECT_FALSE(projector(view, {3, 0, 0}, &seen));
+  const RigidTransform T = view.T_camera_wall;
+  view.T_camera_wall.t.z() = -0.8;
+  EXPECT_FALSE(projector(view, point, &seen));
+  // From the edge: at most cos 0.2 from the normal, whatever the side.
+  for (const double sign : {1.0, -1.0}) {
+    for (const double cosine : {0.19, 0.21}) {
+      view.T_camera_wall.R =
+          ExpRotation({sign * std::acos(cosine), 0, 0}) * Vector3d(1, -1, -1).asDiagonal();
+      view.T_camera_wall.t = {0, 0, 0.8};
+      EXPECT_EQ(projector(view, Vector3d::Zero(), &seen), cosine > 0.2);
+    }
+  }
+  view.T_camera_wall = T;
+  for (const auto& [x, y, inside] : {std::tuple{0.01, 0.01, true},
+                                     {-0.01, 5, false},
+                                     {5, -0.01, false},
+                                     {158.99, 5, true},
+                                     {159.01, 5, false},
+                                     {5, 26.99, true},
+                                     {5, 27.01, false}}) {
+    const Vector3d ray = T.Inverse().R * Vector3d((projector.Enlarge(x) - kCentreX) / kFocal,
+                                                  (projector.Enlarge(y) - kCentreY) / kFocal,
+                                                  1);
+    const Vector3d at = T.Inverse().t - T.Inverse().t.z() / ray.z() * ray;
+    EXPECT_EQ(projector(view, at, &seen), inside) << x << ' ' << y;
+  }
+}
+
+TEST(WallSamples, AreInterpolatedBetweenPixels) {
+  cv::Mat image(3, 4, CV_32F);
+  for (int i = 0; i < 12; ++i)
+    image.at<float>(i / 4, i % 4) = static_cast<float>(i % 4 + 10 * (i / 4) + (i % 4) * (i / 4));
+  const auto truth = [](double x, double y) { return x + 10 * y + x * y; };
+  for (const auto& [x, y] :
+       {std::pair{0.0, 0.0}, {0.3, 0.6}, {2.9, 1.1}, {3.0, 2.0}, {3.0, 0.5}, {1.5, 2.0}}) {
+    EXPECT_NEAR(Interpolate(image, x, y), truth(x, y), 1e-5);
+  }
+  for (const auto& [x, y] : {std::pair{-0.01, 0.0}, {0.0, -0.01}, {3.01, 0.0}, {0.0, 2.01}}) {
+    EXPECT_TRUE(std::isnan(Interpolate(image, x, y)));
+  }
+  image.at<float>(1, 1) = std::nanf("");
+  EXPECT_TRUE(std::isnan(Interpolate(image, 0.5, 0.5)));
+  EXPECT_FALSE(std::isnan(Interpolate(image, 2.5, 0.5)));
+  std::vector<double> values{5, 1, 4, 2, 3};
+  EXPECT_EQ(Quantile(&values, 0), 1);
+  EXPECT_EQ(Quantile(&values, 0.49), 2);
+  EXPECT_EQ(Quantile(&values, 0.5), 3);
+  EXPECT_EQ(Quantile(&values, 1), 5);
+}
+
+TEST(WallSamples, AreOfAGridOfPixelsOverWhatViewsShow) {
+  const SmallWall wall = MakeSmallWall();
+  const WallRecording recording = Recorded(wall);
+  const WallGrid grid = ChooseGrid(recording, "here");
+  const WallProjector projector(recording);
+  // Positions of 13 x 13 pixels of all views on the wall.
+  std::vector<double> xs, ys, areas;
+  for (const WallView& view : recording.views) {
+    const RigidTransform back = view.T_camera_wall.Inverse();
+    for (int j = 0; j <= 12; ++j) {
+      for (int i = 0; i <= 12; ++i) {
+        const Vector3d ray = back.R * Vector3d((i / 12.0 * (kWidth - 1) - kCentreX) / kFocal,
+                                               (j / 12.0 * (kHeight - 1) - kCentreY) / kFocal,
+                                               1);
+        const Vector3d p = back.t - back.t.z() / ray.z() * ray;
+        WallProjection seen;
+        if (!projector(view, p, &seen)) continue;
+        xs.push_back(p.x()), ys.push_back(p.y()), areas.push_back(seen.area);
+      }
+    }
+  }
+  std::ranges::sort(xs), std::ranges::sort(ys), std::ranges::sort(areas);
+  const auto at = [](const std::vector<double>& sorted, double share) {
+    return sorted[static_cast<size_t>(share * static_cast<double>(sorted.size() - 1))];
+  };
+  // Rounding decides which pixels of the border count.
+  EXPECT_TRUE(grid.x >= at(xs, 0.005) && grid.x <= at(xs, 0.02)) << grid.x;
+  EXPECT_TRUE(grid.y >= at(ys, 0.005) && grid.y <= at(ys, 0.02)) << grid.y;
+  EXPECT_NEAR(grid.cell, 1 / std::sqrt(areas[areas.size() / 2]), 1e-4);
+  EXPECT_NEAR(grid.columns, (at(xs, 0.99) - grid.x) / grid.cell + 1, 8);
+  EXPECT_NEAR(grid.rows, (at(ys, 0.99) - grid.y) / grid.cell + 1, 8);
+  EXPECT_EQ(grid.At(3, 2), Vector3d(grid.x + 3 * grid.cell, grid.y + 2 * grid.cell, 0));
+
+  const std::vector<WallRow> rows = SampleWall(recording, grid, 2);
+  ASSERT_EQ(rows.size(), static_cast<size_t>(grid.rows));
+  size_t total = 0;
+  for (int r = 0; r < grid.rows; ++r) {
+    const WallRow& row = rows[static_cast<size_t>(r)];
+    ASSERT_EQ(row.begin.size(), static_cast<size_t>(grid.columns) + 1);
+    for (int column = 0; column < grid.columns; ++column) {
+      const Vector3d point = grid.At(column, r);
+      std::vector<WallSample> expected;
+      const bool marker = std::abs(point.x()) < 0.05 && std::abs(point.y()) < 0.04;
+      for (size_t v = 0; v < recording.views.size() && !marker; ++v) {
+        const Vector3d p = recording.views[v].T_camera_wall * point;
+        const double x = kFocal * p.x() / p.z() + kCentreX, y = kFocal * p.y() / p.z() + kCentreY;
+        WallProjection seen;
+        if (!projector(recording.views[v], point, &seen)) continue;
+        expected.push_back(
+            {.view = static_cast<std::uint16_t>(v),
+             .x = static_cast<float>(x),
+             .y = static_cast<float>(y),
+             .brightness = Interpolate(recording.views[v].brightness, seen.x, seen.y),
+             .light = Interpolate(recording.views[v].light, seen.x, seen.y),
+             .density = static_cast<float>(1 / (seen.area * grid.cell * grid.cell))});
+      }
+      if (expected.size() < 3) expected.clear();
+      const auto found = row.Samples(static_cast<size_t>(column));
+      ASSERT_EQ(found.size(), expected.size());
+      total += found.size();
+      for (size_t k = 0; k < found.size(); ++k) {
+        EXPECT_EQ(found[k].view, expected[k].view);
+        EXPECT_NEAR(found[k].x, expected[k].x, 1e-3);
+        EXPECT_NEAR(found[k].y, expected[k].y, 1e-3);
+        EXPECT_EQ(found[k].brightness, expected[k].brightness);
+        EXPECT_EQ(found[k].light, expected[k].light);
+        EXPECT_EQ(found[k].density, expected[k].density);
+      }
+    }
+  }
+  EXPECT_GT(total, 20000u);
+  EXPECT_EQ(WallModel(Recorded(wall), "here", 1).Measurements(), total);
+  // Of views from the edge there is no grid.
+  WallRecording edge = Recorded(wall);
+  for (WallView& view : edge.views) view.T_camera_wall.R = ExpRotation({kPi / 2, 0, 0});
+  try {
+    ChooseGrid(edge, "here");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kJob);
+    EXPECT_STREQ(
+        error.what(),
+        "here: the wall is behind the cameras or seen from its edge; check the target's file and the calibration");
+  }
+}
+
+TEST(WallModel, PredictsTheLightOfSamplesWithTheirNoise) {
+  const SmallWall wall = MakeSmallWall();
+  WallModel model(Recorded(wall), "here", 2);
+  EXPECT_EQ(model.Gains(), Eigen::VectorXd::Zero(18));
+  EXPECT_EQ(model.Used(), Eigen::VectorXd::Ones(18));
+  cv::Mat v(kHeight, kWidth, CV_32F);
+  for (int i = 0; i < kWidth * kHeight; ++i)
+    v.at<float>(i / kWidth, i % kWidth) = static_cast<float>(-0.002 * (i % kWidth));
+  model.SetAttenuation(v);
+  model.ChangeGains(Eigen::VectorXd::LinSpaced(18, -0.05, 0.05));
+  model.EstimateWall();
+  size_t checked = 0;
+  for (size_t r = 1; r + 1 < model.Rows().size(); r += 3) {
+    for (size_t column = 1; column + 1 < model.Brightness()[r].size(); column += 3) {
+      const auto samples = model.Rows()[r].Samples(column);
+      const auto& c = model.Brightness();
+      if (samples.empty()) {
+        EXPECT_TRUE(std::isnan(c[r][column]));
+        continue;
+      }
+      // The weighted mean residual is zero there.
+      double sum = 0, weights = 0;
+      // The mean brightness of the cells at most four away.
+      double around = 0, count = 0;
+      for (size_t y = r < 4 ? 0 : r - 4; y < std::min(r + 5, c.size()); ++y) {
+        for (size_t x = column < 4 ? 0 : column - 4; x < std::min(column + 5, c[y].size()); ++x) {
+          if (!std::isnan(c[y][x])) around += std::exp(c[y][x]), count += 1;
+        }
+      }
+      const double differences = (std::pow(c[r - 1][column] - c[r][column], 2) +
+                                  std::pow(c[r + 1][column] - c[r][column], 2) +
+                                  std::pow(c[r][column - 1] - c[r][column], 2) +
+                                  std::pow(c[r][column + 1] - c[r][column], 2)) /
+                                 4;
+      const double texture = model.Texture({r, column});
+      if (std::isnan(differences)) {
+        EXPECT_TRUE(std::isnan(texture));
+      } else {
+        EXPECT_NEAR(texture, differences, 1e-6 + 1e-4 * differences);
+      }
+      for (const WallSample& s : samples) {
+        const WallModel::Expected at = model.Expect(s, {r, column});
+        const double predicted = -0.05 + 0.1 * s.view / 17 - 0.002 * s.x;
+        const double scale = std::exp(predicted) * wall.recording.views[s.view].exposure;
+        EXPECT_NEAR(at.light, scale * around / count, 1e-3);
+        EXPECT_NEAR(at.residual, std::log(s.light / (scale * std::exp(c[r][column]))), 1e-4);
+        // Shot noise of 10000 electrons and rounding of a linear response, relative.
+        const double variance = (255 / 1e4 * at.light + 1.0 / 12) / std::pow(at.light, 2);
+        EXPECT_NEAR(at.weight * variance * std::max<double>(s.density, 4.0 / 9), 1, 0.01);
+        const double fx = s.x - std::floor(s.x), fy = s.y - std::floor(s.y);
+        const double mixing = (fx * fx + (1 - fx) * (1 - fx)) * (fy * fy + (1 - fy) * (1 - fy));
+        EXPECT_NEAR(model.Noise(s, at.light) / (variance * mixing), 1, 0.01);
+        sum += at.weight * at.residual, weights += at.weight;
+      }
+      EXPECT_NEAR(sum / weights, 0, 0.008);
+      ++checked;
+    }
+  }
+  EXPECT_GT(checked, 100u);
+  const size_t last = model.Rows().size() - 1, end = model.Brightness()[0].size() - 1;
+  for (const WallModel::Cell& cell : {WallModel::Cell{0, 5}, {5, 0}, {last, 5}, {5, end}})
+    EXPECT_TRUE(std::isnan(model.Texture(cell)));
+}
+
+TEST(WallModel, HasNormalEquationsWithTheWallEliminated) {
+  const SmallWall wall = MakeSmallWall({.views = 12});
+  WallModel model(Recorded(wall), "here", 2);
+  const VignetteSplines splines(&model);
+  model.EstimateWall();
+  const ImageSpline& spline = splines.Coarse();
+  EXPECT_EQ(spline.Columns(), 8 + 3);  // eight cells along the longer side
+  const Eigen::Index nv = spline.Coefficients(), n = nv + 12;
+  for (const bool some : {false, true}) {
+    std::vector<bool> only(12, true);
+    if (some) only[2] = only[7] = false;
+    const CoarseSystem found = splines.MakeCoarseSystem(some ? only : std::vector<bool>());
+    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(n, n), known = Eigen::MatrixXd::Zero(nv, nv);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+    for (size_t r = 0; r < model.Rows().size(); ++r) {
+      for (size_t cell = 0; cell < model.Brightness()[r].size(); ++cell) {
+        Eigen::VectorXd by_wall = Eigen::VectorXd::Zero(n);
+        double weight = 0, score = 0;
+        for (const WallSample& s : model.Rows()[r].Samples(cell)) {
+          if (!only[s.view]) continue;
+          const WallModel::Expected at = model.Expect(s, {r, cell});
+          const ImageSpline::Basis basis = spline.At(s.x, s.y);
+          Eigen::VectorXd J = Eigen::VectorXd::Zero(n);
+          for (size_t k = 0; k < 16; ++k) J[basis.index[k]] = basis.weight[k];
+          J[nv + s.view] = 1;
+          // Few of the entries are not zero.
+          for (size_t k = 0; k < 17; ++k) {
+            const Eigen::Index i = k < 16 ? basis.index[k] : nv + s.view;
+            for (size_t l = 0; l < 17; ++l) {
+              const Eigen::Index j = l < 16 ? basis.index[l] : nv + s.view;
+              S(i, j) += at.weight * J[i] * J[j];
+              if (k < 16 && l < 16) known(i, j) += at.weight * J[i] * J[j];
+            }
+            by_wall[i] += at.weight * J[i];
+            b[i] += at.weight * at.residual * J[i];
+          }
+          weight += at.weight, score += at.weight * at.residual;
+        }
+        if (weight == 0) continue;
+        S -= by_wall * by_wall.transpose() / weight;
+        b -= by_wall * score / weight;
+      }
+    }
+    // Priors: gains to 2 %, the mean of v, hardly any curvature.
+    S.diagonal().tail(12).array() += 1 / 0.0004;
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(nv);
+    for (int i = 0; i < kWidth * kHeight; ++i) {
+      const ImageSpline::Basis basis = spline.At(i % kWidth, i / kWidth);
+      for (size_t k = 0; k < 16; ++k) mean[basis.index[k]] += basis.weight[k] / (kWidth * kHeight);
+    }
+    const double scale = known.diagonal().mean();
+    S.topLeftCorner(nv, nv) += scale * static_cast<double>(nv) * mean * mean.transpose();
+    S.topLeftCorner(nv, nv).diagonal().array() += 1e-6 * scale;
+    known.diagonal().array() += 1e-6 * scale;
+    EXPECT_LT((found.S - S).norm(), 1e-6 * S.norm());
+    EXPECT_LT((found.known - known).norm(), 1e-6 * known.norm());
+    EXPECT_LT((found.b - b).norm(), 1e-5 * b.norm());
+    EXPECT_LT((S * found.Solve() - b).norm(), 1e-5 * b.norm());
+  }
+}
+
+struct Numbers {
+  std::vector<double> values;
+  void Add(const cv::Mat& image) {
+    double sum = 0, weighted = 0;
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        const float value = image.at<float>(y, x);
+        if (std::isnan(value)) continue;
+        sum += value, weighted += value * (x + 3 * y);
+      }
+    }
+    values.push_back(sum / static_cast<double>(image.total()));
+    values.push_back(weighted / sum);
+  }
+};
+
+VignetteEstimate FitSmall(const WallChanges& changes, int threads = 2) {
+  const SmallWall wall = MakeSmallWall(changes);
+  return FitVignette(Recorded(wall), "here", threads, [](const std::string&) { return true; });
+}
+
+TEST(SmallVignette, IsFoundWithItsGainsAndStandardDeviations) {
+  const SmallWall wall = MakeSmallWall();
+  std::vector<std::string> stages;
+  const VignetteEstimate found =
+      FitVignette(Recorded(wall), "here", 2, [&](const std::string& stage) {
+        return stages.push_back(stage), true;
+      });
+  EXPECT_THAT(stages,
+              ::testing::ElementsAre("wall: points in all images",
+                                     "wall: first rounds",
+                                     "wall: poses by its texture",
+                                     "wall: poses by its texture",
+                                     "wall: poses by its texture",
+                                     "wall: poses by its texture",
+                                     "wall: last rounds",
+                                     "wall: standard deviations"));
+  EXPECT_THAT(found.misplaced, IsEmpty());
+  double mean = 0, squares = 0, chi_square = 0;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    mean += std::log(found.attenuation.at<float>(i / kWidth, i % kWidth) /
+                     TrueAttenuation(i % kWidth, i / kWidth)) /
+            (kWidth * kHeight);
+  }
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    const double error = std::log(found.attenuation.at<float>(i / kWidth, i % kWidth) /
+                                  TrueAttenuation(i % kWidth, i / kWidth)) -
+                         mean;
+    squares += error * error / (kWidth * kHeight);
+    chi_square +=
+        std::pow(error / found.sigma.at<float>(i / kWidth, i % kWidth), 2) / (kWidth * kHeight);
+  }
+  EXPECT_LT(std::sqrt(squares), 0.004);
+  EXPECT_TRUE(chi_square > 0.2 && chi_square < 4) << chi_square;
+  double mean_error = 0, gains = 0;
+  for (size_t i = 0; i < 18; ++i) mean_error += (std::log(found.gains[i]) - wall.errors[i]) / 18;
+  for (size_t i = 0; i < 18; ++i)
+    gains +=
+        std::pow((std::log(found.gains[i]) - wall.errors[i] - mean_error) / found.gain_sigma[i],
+                 2) /
+        18;
+  EXPECT_TRUE(gains > 0.2 && gains < 4) << gains;
+  EXPECT_NEAR(found.residual, found.expected, 0.15 * found.expected);
+  EXPECT_LT(found.outliers, 0.02);
+  EXPECT_TRUE(found.unevenness > 1 && found.unevenness < 4) << found.unevenness;
+  for (const double residual : found.by_angle) EXPECT_NEAR(residual, 0, 0.003);
+  EXPECT_EQ(found.angle_limits[0], 0);
+  for (size_t i = 1; i < 6; ++i) EXPECT_GT(found.angle_limits[i], found.angle_limits[i - 1]);
+  EXPECT_TRUE(found.shading.tested);
+  EXPECT_GT(found.shading.chance, 1e-3);
+  // Recorded: all numbers of a fit of today.
+  Numbers n;
+  n.values = {found.residual,
+              found.expected,
+              found.outliers,
+              found.unevenness,
+              static_cast<double>(found.measurements),
+              found.shading.difference,
+              found.shading.sigma,
+              std::log(found.shading.chance),
+              found.wall_cell};
+  for (const double each :
+       {found.gains[0], found.gains[5], found.gain_sigma[0], found.gain_sigma[5]})
+    n.values.push_back(each);
+  for (size_t i = 1; i < 6; ++i) n.values.push_back(found.angle_limits[i]);
+  for (const double each : found.by_angle) n.values.push_back(each);
+  n.Add(found.attenuation), n.Add(found.sigma), n.Add(found.wall);
+  const std::vector<double> expected{
+      0.01173,      0.0118548,    0.00563393,   1.3303,      65851,       0.00250062,
+      0.00215583,   -1.45762,     0.00792801,   1.03757,     0.989564,    0.000377957,
+      0.00030521,   0.219385,     0.315914,     0.412444,    0.570401,    0.930192,
+      -1.33664e-05, -2.62209e-05, -0.000240894, 0.000303048, -2.8459e-05, 0.755967,
+      116.157,      0.00155275,   125.281,      0.276341,    266.774};
+  ASSERT_EQ(n.values.size(), expected.size()) << ::testing::PrintToString(n.values);
+  for (size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_NEAR(n.values[i], expected[i], 1e-3 * std::abs(expected[i]) + 1e-6) << i;
+  }
+}
+
+TEST(SmallVignette, TellsWhatIsWrongWithTheWall) {
+  const VignetteEstimate shaded = FitSmall({.shading = 0.1, .misplaced = 4});
+  EXPECT_THAT(shaded.misplaced, ::testing::ElementsAre("4"));
+  EXPECT_LT(shaded.shading.chance, 1e-3);
+  EXPECT_GT(shaded.shading.difference, 0.003);
+  SmallWall few = MakeSmallWall({.views = 7});
+  try {
+    FitVignette(Recorded(few), "here", 1, [](const std::string&) { return true; });
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kJob);
+    EXPECT_THAT(
+        error.what(),
+        ::testing::MatchesRegex(
+            "here: the images have only [0-9]+ measurements of points that at least three of them show; move the camera less "
+            "between images, avoid saturation"));
+  }
+  EXPECT_THROW(FitVignette(Recorded(few), "here", 1, [](const std::string&) { return false; }),
+               Stopped);
+  // Views of one roll: tilts are open without exposures, and nothing tests the shading.
+  SmallWall unknown = MakeSmallWall({.noise = 12});
+  std::vector<WallView> upright;
+  for (size_t i = 0; i < 18; i += 2)
+    upright.push_back(unknown.recording.views[i]), upright.push_back(unknown.recording.views[i]);
+  unknown.recording.views = upright;
+  unknown.recording.exposures_known = false;
+  const VignetteEstimate open =
+      FitVignette(Recorded(unknown), "here", 1, [](const std::string&) { return true; });
+  EXPECT_FALSE(open.shading.tested);
+  ASSERT_FALSE(open.open.empty()) << ::testing::PrintToString(open.gain_sigma);
+  EXPECT_EQ(open.open[0].name, "a tilt along x");
+  EXPECT_GT(open.open[0].sigma, 0.005);
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
