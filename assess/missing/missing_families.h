@@ -19,7 +19,7 @@ struct MissingFamily {
   std::string remedy;      ///< the model to try, or what to do
   int degrees = 0;         ///< of the fields that the present unknowns cannot replace
   double probability = 1;  ///< of so large a score by noise, corrected for the number of families
-  double gain = 0;         ///< by how much RMS residuals are larger without it, px
+  double gain = 0;         ///< root mean square length of the residuals that it explains, px
 };
 
 /// Of one ordinary camera that was calibrated; in the order of what each explains. Empty where

@@ -24,10 +24,11 @@ using ::testing::IsEmpty;
 
 constexpr double kNoise = 0.1;  // px
 
-// A problem whose observations are made by a camera of another model.
+// A problem whose observations are made by a camera of another model, with this noise.
 SyntheticProblem ImagedBy(unsigned seed,
                           const CameraModel& model,
-                          const std::vector<double>& params) {
+                          const std::vector<double>& params,
+                          double noise = kNoise) {
   SyntheticProblem problem = MakeProblem(seed, {.frames = 20, .noise = kNoise});
   Random random(seed + 1);
   for (View& view : problem.input.cameras[0].views) {
@@ -35,7 +36,7 @@ SyntheticProblem ImagedBy(unsigned seed,
       const Eigen::Vector3d p =
           problem.T_rig_target.at(view.frame) * problem.markers.at(seen.marker);
       EXPECT_TRUE(model.Project(params.data(), nullptr, nullptr, p, seen.values.data()));
-      for (size_t k = 0; k < 2; ++k) seen.values[k] += random.Gaussian(kNoise);
+      for (size_t k = 0; k < 2; ++k) seen.values[k] += random.Gaussian(noise);
     }
   }
   return problem;
@@ -44,10 +45,11 @@ SyntheticProblem ImagedBy(unsigned seed,
 // A problem whose camera has a part more than its own model, of these numbers.
 SyntheticProblem WithPart(unsigned seed,
                           const std::string& part,
-                          const std::vector<double>& numbers) {
+                          const std::vector<double>& numbers,
+                          double noise = kNoise) {
   std::vector<double> params = MakeProblem(seed, {.frames = 20, .noise = kNoise}).params[0];
   params.insert(params.end(), numbers.begin(), numbers.end());
-  return ImagedBy(seed, *FindModel(CameraModels(), "pinhole-radial3+" + part), params);
+  return ImagedBy(seed, *FindModel(CameraModels(), "pinhole-radial3+" + part), params, noise);
 }
 
 std::vector<MissingFamily> MissingOf(const SyntheticProblem& problem) {
@@ -127,6 +129,35 @@ TEST(MissingFamilies, NameTheModelToTryAndWhatItGains) {
   EXPECT_EQ(MissingText({}), "");
 }
 
+TEST(MissingFamilies, NameAPartOfTheCamerasModel) {
+  const auto remedy = [](const std::string& part, const std::vector<double>& numbers) {
+    return MissingOf(WithPart(1, part, numbers)).at(0).remedy;
+  };
+  EXPECT_EQ(remedy("skew", {0.01}), "try pinhole-radial3+skew");
+  EXPECT_EQ(remedy("pupil", {0.1, 0, 0}), "try pinhole-radial3+pupil");
+}
+
+// Root mean square length of the residuals, without noise.
+TEST(MissingFamilies, GainWhatTheModelLeaves) {
+  for (const std::string part : {"skew", "pupil"}) {
+    const std::vector<double> numbers =
+        part == "skew" ? std::vector<double>{2e-3} : std::vector<double>{0.1, 0, 0};
+    const Bundle exact = Calibrate(WithPart(4, part, numbers, 0).input, {}).bundle;
+    double squares = 0;
+    for (const BundleObservation& observation : exact.observations) {
+      Eigen::Vector2d residual;
+      ASSERT_TRUE(Residual(exact, observation, residual.data()));
+      squares += residual.squaredNorm();
+    }
+    const double expected = std::sqrt(squares / static_cast<double>(exact.observations.size()));
+    const std::vector<MissingFamily> missing = MissingOf(WithPart(4, part, numbers));
+    ASSERT_EQ(missing.size(), 1U) << part;
+    EXPECT_EQ(missing[0].family, part);
+    EXPECT_NEAR(missing[0].gain, expected, 0.2 * expected) << part;
+    EXPECT_EQ(missing[0].degrees, part == "skew" ? 1 : 2);
+  }
+}
+
 TEST(MissingFamilies, ABentTargetIsNoLens) {
   int lenses = 0, boards = 0;
   constexpr int kCameras = 10;
@@ -149,6 +180,9 @@ TEST(MissingFamilies, ABentTargetIsNoLens) {
     const std::vector<MissingFamily> missing = MissingOf(problem);
     if (missing.empty()) continue;
     (missing[0].family == "board" ? boards : lenses) += 1;
+    if (missing[0].family == "board") {
+      EXPECT_EQ(missing[0].remedy, "set refine_target, or use a flat target");
+    }
   }
   EXPECT_EQ(lenses, 0);
   EXPECT_GE(boards, 8);

@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/adjust/layout.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "calib/adjust/landmarks.h"
+#include "calib/adjust/reduced/elimination.h"
+#include "calib/adjust/rows.h"
+#include "tests/calib/random.h"
+#include "tests/calib/synthetic.h"
+
+namespace plenocal::internal {
+namespace TEST_FILE {
+
+using ::testing::ElementsAre;
+using testing::MakeProblem;
+using testing::Random;
+using testing::TrueBundle;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Three cameras of seven parameters: the second has a fixed one and two that are tied to the
+// first's, the third no data. A second target is free, a third one fixed.
+Bundle Session(double tolerance = 0) {
+  Bundle bundle = TrueBundle(
+      MakeProblem(3, {.cameras = 3, .frames = 3, .noise = 0.2, .marker_tolerance = tolerance}));
+  BundleCamera& second = bundle.cameras[1];
+  second.rules.resize(7);
+  second.rules[2].tied_to = ParamIndex{0, 2};
+  second.rules[5].tied_to = ParamIndex{0, 5};
+  second.fixed[3] = true;
+  bundle.cameras[0].fixed[6] = true;
+  for (BundleObservation& each : bundle.observations) each.used = each.camera != 2;
+  bundle.targets = {{"first", {}, true}, {"second", {}, false}, {"third", {}, true}};
+  for (size_t m = 0; m < bundle.markers.size(); ++m) bundle.markers[m].target = m < 20 ? 1 : 0;
+  return bundle;
+}
+
+TEST(UnknownLayout, NumbersCamerasThenTargetsThenMarkers) {
+  Bundle bundle = Session();
+  const UnknownLayout layout = MakeLayout(bundle);
+  EXPECT_THAT(CamerasWithData(bundle), ElementsAre(true, true, false));
+  EXPECT_THAT(layout.params[0], ElementsAre(0, 1, 2, 3, 4, 5, -1));
+  EXPECT_THAT(layout.params[1], ElementsAre(6, 7, 2, -1, 8, 5, 9));
+  EXPECT_THAT(layout.params[2], ElementsAre(-1, -1, -1, -1, -1, -1, -1));
+  EXPECT_THAT(layout.extrinsics, ElementsAre(-1, 10, -1));
+  EXPECT_THAT(layout.targets, ElementsAre(-1, 16, -1));
+  EXPECT_THAT(layout.first, ElementsAre(0, 6, 16, 16));
+  EXPECT_EQ(layout.head, 22);
+  EXPECT_EQ(layout.total, 22);
+  EXPECT_EQ(layout.scales, -1);
+  EXPECT_FALSE(layout.markers);
+  EXPECT_THAT(UnknownsOf(layout, 1),
+              ElementsAre(2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21));
+  EXPECT_THAT(UnknownsOf(layout, 0), ElementsAre(0, 1, 2, 3, 4, 5, 16, 17, 18, 19, 20, 21));
+
+  bundle.marker_freedom = MarkerFreedom::FromSigma(0.001);
+  bundle.scales.resize(2);
+  const UnknownLayout with_markers = MakeLayout(bundle);
+  EXPECT_EQ(with_markers.scales, 22);
+  EXPECT_EQ(with_markers.head, 24);
+  EXPECT_TRUE(with_markers.markers);
+  EXPECT_EQ(with_markers.Marker(2), 30);
+  EXPECT_EQ(with_markers.total, 24 + 3 * 70);
+  EXPECT_EQ(with_markers.Markers(), 210);
+  EXPECT_THAT(UnknownsOf(with_markers, 2), ElementsAre(16, 17, 18, 19, 20, 21, 22, 23));
+
+  bundle.marker_freedom = MarkerFreedom::Landmarks();
+  const UnknownLayout landmarks = MakeLayout(bundle);
+  EXPECT_FALSE(landmarks.markers);
+  EXPECT_EQ(landmarks.scales, -1);
+  EXPECT_EQ(landmarks.total, 22);
+}
+
+TEST(UnknownLayout, HasThePriorsUnknownsWhereAsked) {
+  Bundle bundle = Session();
+  bundle.prior.emplace().unknowns = {{.camera = 2, .param = 0}};
+  EXPECT_EQ(MakeLayout(bundle).head, 22);
+  const UnknownLayout layout = MakeLayout(bundle, true);
+  EXPECT_THAT(layout.params[2], ElementsAre(16, 17, 18, 19, 20, 21, 22));
+  EXPECT_THAT(layout.extrinsics, ElementsAre(-1, 10, 23));
+  EXPECT_EQ(layout.head, 35);
+}
+
+TEST(UnknownLayout, LeavesOutParametersAtABound) {
+  Bundle bundle = Session();
+  bundle.cameras[0].at_bound.assign(7, false);
+  bundle.cameras[0].at_bound[2] = true;
+  const UnknownLayout layout = MakeLayout(bundle);
+  EXPECT_THAT(layout.params[0], ElementsAre(0, 1, -1, 2, 3, 4, -1));
+  EXPECT_EQ(layout.params[1][2], -1);
+}
+
+TEST(UnknownLayout, HasValuesAndBoundsOfSteps) {
+  Bundle bundle = Session();
+  bundle.cameras[0].params[2] = 600;
+  bundle.cameras[0].rules.resize(7);
+  bundle.cameras[0].rules[2].lower = 590;
+  bundle.cameras[0].rules[2].upper = 650;
+  bundle.cameras[1].params[2] = 600;
+  bundle.cameras[1].rules[2].lower = 580;
+  bundle.cameras[1].rules[2].upper = 620;
+  bundle.cameras[1].params[4] = 0.1;
+  bundle.cameras[1].rules[4].upper = 0.3;
+  const UnknownLayout layout = MakeLayout(bundle);
+  const Eigen::VectorXd values = Values(layout, bundle);
+  EXPECT_EQ(values[2], 600);
+  EXPECT_EQ(values[6], bundle.cameras[1].params[0]);
+  EXPECT_EQ(values[9], bundle.cameras[1].params[6]);
+  EXPECT_EQ(values.tail(12), Eigen::VectorXd::Zero(12));
+  const StepBounds bounds = BoundsOfStep(layout, bundle);
+  EXPECT_EQ(bounds.lower[2], -10);  // the nearer one of both cameras
+  EXPECT_EQ(bounds.upper[2], 20);
+  EXPECT_NEAR(bounds.upper[8], 0.2, 1e-15);
+  EXPECT_EQ(bounds.lower[8], -kInfinity);
+  EXPECT_EQ(bounds.upper[0], kInfinity);
+  EXPECT_EQ(bounds.lower.size(), 22);
+}
+
+TEST(UnknownLayout, MovesEachUnknownInItsChart) {
+  const Bundle before = Session(0.001);
+  Bundle after = before;
+  after.scales = {{.value = 0.5}};
+  const UnknownLayout layout = MakeLayout(after);
+  Random random(4);
+  const Eigen::VectorXd step =
+      Eigen::VectorXd::NullaryExpr(layout.total, [&] { return random.Gaussian(1e-3); });
+  const BundleState scaled = after;
+  Move(layout, step, &after);
+  EXPECT_EQ(after.cameras[0].params[0], before.cameras[0].params[0] + step[0]);
+  EXPECT_EQ(after.cameras[1].params[2], before.cameras[1].params[2] + step[2]);
+  EXPECT_EQ(after.cameras[1].params[3], before.cameras[1].params[3]);
+  EXPECT_EQ(after.cameras[2].params, before.cameras[2].params);
+  const RigidTransform extrinsics =
+      Retract(before.cameras[1].T_camera_rig, step.segment<6>(layout.extrinsics[1]));
+  EXPECT_EQ(after.cameras[1].T_camera_rig.t, extrinsics.t);
+  EXPECT_EQ(after.cameras[1].T_camera_rig.R, extrinsics.R);
+  EXPECT_EQ(after.scales[0].value, 0.5 + step[layout.scales]);
+  const RigidTransform moved = Retract({}, step.segment<6>(layout.targets[1]));
+  EXPECT_LT((after.targets[1].T_target_own.t - moved.t).norm(), 1e-15);
+  for (size_t m = 0; m < before.markers.size(); ++m) {
+    const int i = static_cast<int>(m);
+    Eigen::Vector3d expected = before.markers[m].position + step.segment<3>(layout.Marker(i)) +
+                               step[layout.scales] * scaled.ByScale(scaled.scales[0], i);
+    if (before.markers[m].target == 1) expected = moved * expected;
+    EXPECT_LT((after.markers[m].position - expected).norm(), 1e-12) << m;
+  }
+}
+
+TEST(SetAtBounds, FindsParametersAtABoundButForRounding) {
+  Bundle bundle = Session();
+  BundleCamera& first = bundle.cameras[0];
+  first.rules.resize(7);
+  first.params[0] = 500 * (1 + 2e-16);
+  first.rules[0].lower = 500;
+  first.params[1] = 500.001;
+  first.rules[1].lower = 500;
+  first.params[3] = 0.25;
+  first.rules[3].upper = 0.25;
+  first.params[6] = 1;  // fixed
+  first.rules[6].upper = 1;
+  // The tied one of another camera is at the bound of its own rule.
+  first.params[2] = bundle.cameras[1].params[2] = 640;
+  bundle.cameras[1].rules[2].upper = 640;
+  SetAtBounds(&bundle);
+  EXPECT_THAT(first.at_bound, ElementsAre(true, false, true, true, false, false, false));
+  EXPECT_EQ(first.params[0], 500);
+  EXPECT_THAT(bundle.cameras[1].at_bound,
+              ElementsAre(false, false, true, false, false, false, false));
+  EXPECT_TRUE(bundle.cameras[2].at_bound.empty());
+  // A tied parameter has the value of its root.
+  first.params[5] = 0.125;
+  SetAtBounds(&bundle);
+  EXPECT_EQ(bundle.cameras[1].params[5], 0.125);
+}
+
+TEST(WithinDomain, IsOfTheChosenCameras) {
+  Bundle bundle = Session();
+  EXPECT_TRUE(WithinDomain(bundle, {true, true, true}));
+  bundle.cameras[1].params[0] = -1;
+  EXPECT_FALSE(WithinDomain(bundle, {true, true, true}));
+  EXPECT_FALSE(WithinDomain(bundle, {false, true, false}));
+  EXPECT_TRUE(WithinDomain(bundle, {true, false, true}));
+}
+
+// The gradient of the reduced system at an optimum of the poses is that of half the sum of squares,
+// and its matrix is the Schur complement of the dense normal matrix.
+TEST(EliminateFrames, IsTheSchurComplementOfTheWholeSystem) {
+  for (const double jitter : {0.0, 0.002}) {
+    Bundle bundle = Session(0.001);
+    bundle.scales.clear();
+    if (jitter > 0) {
+      bundle.jitter.translation_sigma = jitter;
+      bundle.jitter.rotation_sigma = 2 * jitter;
+      bundle.jitter.delta.assign(9, Vector6d::Constant(1e-4));
+      bundle.jitter.misplaced.assign(9, false);
+    }
+    const UnknownLayout layout = MakeLayout(bundle);
+    const Objective objective = ObjectiveOf(bundle, {});
+    const ReducedEquations equations = EliminateFrames(bundle, layout, objective, 0, {});
+    ASSERT_TRUE(equations.complete);
+    EXPECT_NEAR(equations.squares, SumOfSquares(bundle, objective), 1e-9 * equations.squares);
+    // Residuals of all, their derivatives by differences: layout, poses, jitter.
+    const auto views = static_cast<Eigen::Index>(jitter > 0 ? 9 : 0);
+    const Eigen::Index total = layout.total, size = total + 6 * (3 + views);
+    const auto residuals = [&](const Eigen::VectorXd& step) {
+      Bundle moved = bundle;
+      Move(layout, step.head(total), &moved);
+      for (Eigen::Index f = 0; f < 3; ++f) {
+        RigidTransform& T = moved.T_rig_target[static_cast<size_t>(f)];
+        T = Retract(T, step.segment<6>(total + 6 * f));
+      }
+      std::vector<double> all;
+      for (Eigen::Index v = 0; v < views; ++v) {
+        Vector6d& delta = moved.jitter.delta[static_cast<size_t>(v)];
+        delta += step.segment<6>(total + 18 + 6 * v);
+        const Vector6d weighted = objective.jitter_weights[static_cast<size_t>(v)] * delta;
+        if (v % 3 != 2) all.insert(all.end(), weighted.begin(), weighted.end());
+      }
+      for (const BundleObservation& each : moved.observations) {
+        if (!each.used) continue;
+        double residual[kMaxObservationSize];
+        EXPECT_TRUE(Residual(moved, each, residual));
+        for (int axis = 0; axis < 2; ++axis) all.push_back(residual[axis] / each.assumed_sigma);
+      }
+      for (size_t m = 0; m < moved.markers.size(); ++m) {
+        // In the frame of the marker's target: its motion leaves the prior as it is.
+        const RigidTransform& T =
+            moved.targets[static_cast<size_t>(moved.markers[m].target)].T_target_own;
+        const Eigen::Vector3d d =
+            T.R.transpose() * (moved.markers[m].position - moved.Expected(static_cast<int>(m))) /
+            0.001;
+        all.insert(all.end(), d.begin(), d.end());
+      }
+      return Eigen::VectorXd(
+          Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size())));
+    };
+    const Eigen::VectorXd r = residuals(Eigen::VectorXd::Zero(size));
+    EXPECT_NEAR(r.squaredNorm() / equations.squares, 1, 1e-9) << jitter;
+    // Only the unknowns before the markers, the first markers and the states.
+    Eigen::MatrixXd J(r.size(), size);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      const double step = k < 6 || (k >= 6 && k < 10) ? 1e-4 : 1e-6;
+      J.col(k) = (residuals(step * Eigen::VectorXd::Unit(size, k)) -
+                  residuals(-step * Eigen::VectorXd::Unit(size, k))) /
+                 (2 * step);
+    }
+    Eigen::MatrixXd N = J.transpose() * J;
+    // The third camera's jitter has its prior only, which moves nothing else.
+    for (Eigen::Index k = total; k < size; ++k) {
+      if (N(k, k) == 0) N(k, k) = 1;
+    }
+    const Eigen::VectorXd g = J.transpose() * r;
+    const Eigen::Index rest = size - total;
+    const Eigen::MatrixXd solved =
+        N.bottomRightCorner(rest, rest).ldlt().solve(N.bottomLeftCorner(rest, total));
+    const Eigen::MatrixXd S =
+        N.topLeftCorner(total, total) - N.topRightCorner(total, rest) * solved;
+    const Eigen::VectorXd gradient = g.head(total) - solved.transpose() * g.tail(rest);
+    for (Eigen::Index i = 0; i < total; ++i) {
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        EXPECT_NEAR(equations.S(i, j), S(i, j), 1e-4 * std::sqrt(N(i, i) * N(j, j)))
+            << i << " " << j;
+      }
+      EXPECT_NEAR(equations.S(total, i), gradient[i], 1e-4 * std::sqrt(N(i, i)) * r.norm()) << i;
+      if (i < layout.head) {
+        EXPECT_NEAR(equations.diagonal[i], N(i, i), 1e-4 * N(i, i)) << i;
+      }
+      if (HasFailure()) return;
+    }
+  }
+}
+
+TEST(LineariseLandmark, HasTheGradientOfHubersLoss) {
+  Bundle bundle = TrueBundle(MakeProblem(8, {.cameras = 2, .frames = 3, .noise = 0.2}));
+  const std::vector<std::vector<size_t>> of_marker = ObservationsOfMarkers(bundle);
+  ASSERT_EQ(of_marker.size(), 70U);
+  const std::vector<size_t>& seen = of_marker[33];
+  size_t all = 0;
+  for (const auto& each : of_marker) all += each.size();
+  EXPECT_EQ(all, bundle.observations.size());
+  for (const size_t i : seen) EXPECT_EQ(bundle.observations[i].marker, 33);
+  bundle.observations[seen[1]].seen.values[0] += 4;  // beyond the width
+  bundle.observations[seen[2]].used = false;         // counts all the same
+  constexpr double kWidth = 3;
+  const auto cost = [&](const Eigen::Vector3d& moved) {
+    Bundle other = bundle;
+    other.markers[33].position += moved;
+    double sum = 0;
+    for (const size_t i : seen) {
+      double residual[kMaxObservationSize];
+      EXPECT_TRUE(Residual(other, other.observations[i], residual));
+      const double s = WeightedLength(other, other.observations[i], residual);
+      sum += s <= kWidth ? s * s / 2 : kWidth * s - kWidth * kWidth / 2;
+    }
+    return sum;
+  };
+  const LandmarkEquations equations = LineariseLandmark(bundle, seen, kWidth);
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    const Eigen::Vector3d step = 1e-7 * Eigen::Vector3d::Unit(k);
+    EXPECT_NEAR((cost(step) - cost(-step)) / 2e-7, equations.g[k], 1e-4 * equations.g.norm());
+  }
+  // Twice the noise is a quarter of the information.
+  const LandmarkEquations wide = LineariseLandmark(bundle, seen, 1e9);
+  for (BundleObservation& each : bundle.observations) each.assumed_sigma *= 2;
+  EXPECT_LT((LineariseLandmark(bundle, seen, 1e9).H - wide.H / 4).norm(), 1e-9 * wide.H.norm());
+  // A common error takes its part of the weight.
+  for (BundleCamera& camera : bundle.cameras) camera.noise.common_sigma = 0.4;
+  EXPECT_LT((LineariseLandmark(bundle, seen, 1e9).H - wide.H / 8).norm(), 1e-9 * wide.H.norm());
+}
+
+TEST(AdjustLandmark, FindsThePointOfItsRays) {
+  Bundle bundle = TrueBundle(MakeProblem(8, {.cameras = 2, .frames = 3}));
+  const Eigen::Vector3d truth = bundle.markers[12].position;
+  bundle.markers[12].position += Eigen::Vector3d(0.01, -0.02, 0.015);
+  const std::vector<size_t> seen = ObservationsOfMarkers(bundle)[12];
+  AdjustLandmark({}, &bundle);
+  EXPECT_GT((bundle.markers[12].position - truth).norm(), 0.02);
+  AdjustLandmark(seen, &bundle);
+  EXPECT_LT((bundle.markers[12].position - truth).norm(), 1e-3);
+  for (int i = 0; i < 3; ++i) AdjustLandmark(seen, &bundle);
+  EXPECT_LT((bundle.markers[12].position - truth).norm(), 1e-9);
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::internal
