@@ -207,16 +207,13 @@ std::string WithoutProgram(std::string text) {
   return text;
 }
 
-// A message shows what it found in a file: "found 'nan'".
-bool IsQuoted(const std::string& line, size_t at) {
-  return (at > 0 && line[at - 1] == '\'') || (at > 1 && line[at - 2] == '\'');
-}
-
 void RequireNumbers(const std::string& name, const std::string& text) {
   std::istringstream lines(WithoutProgram(text));
   std::vector<std::string> header;
   bool in_sigmas = false;  // of YAML: lines below "sigma:"
   for (std::string line; std::getline(lines, line);) {
+    // A message says what a reader found in place of what it expected.
+    if (name == "console" && line.find("expected ") != std::string::npos) continue;
     std::istringstream cells(line);
     if (header.empty()) {
       for (std::string cell; std::getline(cells, cell, ',');) header.push_back(cell);
@@ -226,7 +223,7 @@ void RequireNumbers(const std::string& name, const std::string& text) {
     for (size_t at = 0; at < line.size(); ++at) {
       if (line[at] == ',') ++column;
       const std::string_view word = WordOf(line, at);
-      if (word.empty() || (name == "console" && IsQuoted(line, at))) continue;
+      if (word.empty()) continue;
       const bool infinite = word == "inf" || word == "Infinity";
       if (word == "nan" || word == "NaN" ||
           (infinite && name != "console" && !(in_sigmas && name.ends_with(".yaml")) &&
