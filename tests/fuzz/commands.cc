@@ -291,7 +291,8 @@ void RunCommandOn(const FuzzedCommand& command, const fs::path& choices_file) {
   static Inputs inputs_of;
   const fs::path folder = choices_file.parent_path() / "session";
   Files files = SessionFiles(command.session, folder);
-  Choices choices(ContentOf(choices_file));
+  const std::string input = ContentOf(choices_file);
+  Choices choices(input);
   if (!choices.Empty() && !inputs_of.contains(command.name)) {
     const fs::path empty = choices_file.parent_path() / "none";
     std::ofstream(empty).close();

@@ -14,7 +14,7 @@ namespace plenocal::fuzz {
 /// Names of files, with folders, and contents.
 using Files = std::map<std::string, std::string>;
 
-/// Choices that an input makes, two bytes each; 0 after its end.
+/// Choices that an input, which must outlive them, makes: two bytes each; 0 after its end.
 class Choices {
  public:
   explicit Choices(std::string_view input) : left_(input) {}
