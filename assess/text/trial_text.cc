@@ -45,14 +45,18 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
           .why_not = WhyNotComparable(trial)};
 }
 
+std::string DifferenceText(double difference) {
+  return std::isfinite(difference) ? fmt::format("projections differ by {:.4f} px", difference)
+                                   : "projections have no pixel in common";
+}
+
 // The difference of the recommended from the reference, beside what it is compared with.
 std::string DifferenceText(const ModelChoice& choice) {
-  return fmt::format(
-      "projections differ by {:.4f} px; the noise is {:.4f} px, the projection's "
-      "sigma {:.4f} px",
-      choice.trials[choice.recommended].difference,
-      choice.noise,
-      choice.trials[choice.reference].sigma);
+  const double sigma = choice.trials[choice.reference].sigma;
+  return fmt::format("{}; the noise is {:.4f} px, the projection's sigma {}",
+                     DifferenceText(choice.trials[choice.recommended].difference),
+                     choice.noise,
+                     std::isfinite(sigma) ? fmt::format("{:.4f} px", sigma) : "not determined");
 }
 
 // Why the reference is recommended.
@@ -152,7 +156,6 @@ std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_se
   }
   // One of them is the reference, which is equal to itself.
   const bool equal = recommended.practically_equal && other->practically_equal;
-  const double difference = std::max(recommended.difference, other->difference);
   const std::string_view reason =
       !recommended.marker_freedom.IsRigid() ? "held rigid it predicts held-out frames worse"
       : other->outweighed_by                ? "to refine it gains less than it costs in uncertainty"
@@ -171,9 +174,7 @@ std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_se
                      TargetName(*other),
                      other->rms,
                      other->rms_sigma,
-                     std::isfinite(difference)
-                         ? fmt::format("projections differ by {:.4f} px", difference)
-                         : "projections have no pixel in common",
+                     DifferenceText(std::max(recommended.difference, other->difference)),
                      remedy);
 }
 
