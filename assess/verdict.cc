@@ -239,7 +239,7 @@ class Judgement {
            .what = fmt::format(
                "{} at {}: {} in the middle, {} in the corners, "
                "at most {:.2g} px in {:.0f} % of the image (worst {:.2g} px at ({:.0f}, "
-               "{:.0f})); at {}: {:.2g} px.",
+               "{:.0f})); at {}: {}.",
                systematic > 0 ? "error of the projection (standard error, error of the model)"
                               : "standard error of the projection",
                LengthText(here.distance),
@@ -251,7 +251,7 @@ class Judgement {
                here.where.x(),
                here.where.y(),
                LengthText(far.distance),
-               far.most),
+               PixelsText(far.most)),
            .remedy =
                grade == Grade::kGood ? ""
                : calibration_.HasScene()

@@ -45,14 +45,18 @@ TrialRow MakeRow(const ModelChoice& choice, size_t m) {
           .why_not = WhyNotComparable(trial)};
 }
 
+std::string DifferenceText(double difference) {
+  return std::isfinite(difference) ? fmt::format("projections differ by {:.4f} px", difference)
+                                   : "projections have no pixel in common";
+}
+
 // The difference of the recommended from the reference, beside what it is compared with.
 std::string DifferenceText(const ModelChoice& choice) {
-  return fmt::format(
-      "projections differ by {:.4f} px; the noise is {:.4f} px, the projection's "
-      "sigma {:.4f} px",
-      choice.trials[choice.recommended].difference,
-      choice.noise,
-      choice.trials[choice.reference].sigma);
+  const double sigma = choice.trials[choice.reference].sigma;
+  return fmt::format("{}; the noise is {:.4f} px, the projection's sigma {}",
+                     DifferenceText(choice.trials[choice.recommended].difference),
+                     choice.noise,
+                     std::isfinite(sigma) ? fmt::format("{:.4f} px", sigma) : "not determined");
 }
 
 // Why the reference is recommended.
@@ -150,27 +154,28 @@ std::string TargetRecommendation(const ModelChoice& targets, MarkerFreedom of_se
   if (!other->failure.empty() || !other->comparable) {
     return fmt::format("{}; {}, it cannot be judged", TargetName(recommended), TargetName(*other));
   }
+  // One of them is the reference, which is equal to itself.
+  const bool equal = recommended.practically_equal && other->practically_equal;
   const std::string_view reason =
       !recommended.marker_freedom.IsRigid() ? "held rigid it predicts held-out frames worse"
       : other->outweighed_by                ? "to refine it gains less than it costs in uncertainty"
-      : recommended.practically_equal       ? "to refine it makes practically no difference"
+      : equal                               ? "to refine it makes practically no difference"
                                             : "refined it predicts held-out frames no better";
   const bool refined = !recommended.marker_freedom.IsRigid();
   const std::string remedy =
       refined != of_session.IsRigid()
           ? ""
           : fmt::format("; state refine_target: {} in the session's options", refined);
-  return fmt::format(
-      "{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; projections differ by {:.4f} px){}",
-      TargetName(recommended),
-      reason,
-      recommended.rms,
-      recommended.rms_sigma,
-      TargetName(*other),
-      other->rms,
-      other->rms_sigma,
-      std::max(recommended.difference, other->difference),
-      remedy);
+  return fmt::format("{}, {} ({:.4f} +- {:.4f} px, {} {:.4f} +- {:.4f} px; {}){}",
+                     TargetName(recommended),
+                     reason,
+                     recommended.rms,
+                     recommended.rms_sigma,
+                     TargetName(*other),
+                     other->rms,
+                     other->rms_sigma,
+                     DifferenceText(std::max(recommended.difference, other->difference)),
+                     remedy);
 }
 
 // The tables on standard output.

@@ -1,19 +1,27 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Coverage-guided fuzzing of every reader, with address and undefined-behaviour sanitizers (libFuzzer).
+"""Coverage-guided fuzzing of every reader, with address and undefined-behaviour sanitizers (libFuzzer), and whole commands on changed sessions.
 
     bench/fuzz 8                    # 8 hours, equal shares for all readers
     bench/fuzz 0.1 session target   # these alone
     bench/fuzz --runs 1000000       # at least so many inputs for each reader, whatever the time
     bench/fuzz --quick --runs 2000 --seed 1   # of .ci/run: soon built, the same inputs in every run
+    bench/fuzz --commands 1000 --seed 1       # 1000 inputs for each command (tests/fuzz/commands.cc), no readers
+    bench/fuzz 0 run_calibrate_stereo run_try --commands 1000   # for these alone
+    bench/fuzz 1 run_calibrate_stereo   # a command guided by coverage
 
 Installs Clang, builds preset `fuzz`, and starts from tests/fuzz/corpus. An input fails that crashes the reader, is read for
 more than 10 s or with more than 1 GB, leaks memory, gives a number that is not finite, or is refused without the file's name.
 Inputs that found new code stay in build/fuzz/inputs for the next run; those that fail are put into build/fuzz/failures: mend
 the reader, then move them into the corpus. Exit status 1 when an input failed. As many readers run at once as there are
 processors. --quick compiles without optimization and without the sanitizer for undefined behaviour (in build/fuzz-quick).
+
+--commands takes the optimized program of the tests (preset `dev`), without sanitizers and coverage: a command takes some 50
+ms, of which sanitizers would make a second. Input k is made of the number SEED + k. A run fails that crashes, throws, takes
+20 s of CPU or more than 1 GB, or has NaN, or infinity where none is declared, in a result.
 """
 import concurrent.futures
+import hashlib
 import os
 import pathlib
 import re
@@ -48,7 +56,7 @@ def build(quick):
 def write_dictionary(path, corpus):
     """The words of the reader's corpus, the keys that docs/formats.md has, and hostile ones."""
     words = set(HOSTILE) | set(re.findall(r"`([a-z][a-zA-Z0-9_]*)`", (ROOT / "docs/formats.md").read_text()))
-    for file in corpus.iterdir():
+    for file in corpus.iterdir() if corpus.exists() else ():
         words |= set(re.findall(r"[A-Za-z_][A-Za-z0-9_]{1,31}", file.read_bytes().decode("latin-1")))
     lines = ("".join(chr(b) if 32 < b < 127 and chr(b) not in '"\\' else f"\\x{b:02x}" for b in word.encode())
              for word in sorted(words))
@@ -68,7 +76,7 @@ def fuzz(folder, reader, options, seconds):
     dictionary = folder / "inputs" / f"{reader}.dict"
     write_dictionary(dictionary, corpus)
     limit = [f"-runs={options.runs}"] if options.runs else [f"-max_total_time={max(1, round(seconds))}"]
-    command = [program_in(folder), inputs, corpus, *limit, f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
+    command = [program_in(folder), inputs, *([corpus] if corpus.exists() else []), *limit, f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
                f"-max_len={LONGEST_INPUT}", f"-dict={dictionary}", f"-artifact_prefix={failures}/", "-print_final_stats=1",
                f"-seed={options.seed}", "-verbosity=1", "-close_fd_mask=1"]
     log = folder / "inputs" / f"{reader}.log"
@@ -87,20 +95,71 @@ def fuzz(folder, reader, options, seconds):
     return int(runs[-1]), edges[-1] - edges[0], failed
 
 
+def fuzz_command(name, options):
+    """CPU seconds and failed inputs of one command."""
+    failures = ROOT / "build/fuzz/failures" / name
+    failures.mkdir(parents=True, exist_ok=True)
+    test = f"Fuzz/EveryCommand.RunsOrRefusesChangedSessions/{name.replace('-', '_')}"
+    run = subprocess.Popen([common.BUILD / "tests/fuzz/fuzz_tests", f"--gtest_filter={test}"], stdout=subprocess.PIPE,
+                           text=True, errors="replace", env={**os.environ, "PLENOCAL_FUZZ_RUNS": str(options.commands),
+                                                             "PLENOCAL_FUZZ_SEED": str(options.seed)})
+    text = run.stdout.read()
+    _, status, usage = os.wait4(run.pid, 0)
+    folder = pathlib.Path(f"/dev/shm/plenocal_fuzz_{run.pid}")
+    failed = [bytes.fromhex(word) for word in re.findall(r"^input: ([0-9a-f]+)$", text, re.M)]
+    if (folder / "choices").exists():  # of a run that crashed
+        failed.append((folder / "choices").read_bytes())
+    shutil.rmtree(folder, ignore_errors=True)
+    if status and not failed or "[ RUN " not in text:
+        raise RuntimeError(f"{name}: {text[-2000:]}")
+    paths = [failures / hashlib.sha1(content).hexdigest() for content in failed]
+    for path, content in zip(paths, failed):
+        path.write_bytes(content)
+    (failures / "log").write_text(text)
+    return usage.ru_utime + usage.ru_stime, paths
+
+
+def fuzz_commands(names, options):
+    """Failed inputs of all."""
+    subprocess.run(["cmake", "--preset", "dev"], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["cmake", "--build", "--preset", "dev", "--target", "fuzz_tests"], cwd=ROOT, check=True)
+    tests = common.run(common.BUILD / "tests/fuzz/fuzz_tests", "--gtest_list_tests", "--gtest_filter=*EveryCommand*").stdout
+    known = sorted(set(re.findall(r"GetParam\(\) = \"([^\"]+)\"", tests)))
+    common.head("command", "inputs", "CPU s", "failures")
+    failures = []
+    with concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        results = [(name, pool.submit(fuzz_command, name, options)) for name in names or known]
+        for name, result in results:
+            seconds, failed = result.result()
+            common.row(name, options.commands, round(seconds), len(failed))
+            failures += failed
+    return failures
+
+
+def finish(failures):
+    for path in failures:
+        print(path, file=sys.stderr)
+    sys.exit(1 if failures else 0)
+
+
 def main():
     parser = common.parser(__doc__, plenocal=None)
     parser.add_argument("hours", type=float, nargs="?", default=0.1, help="for all readers together")
-    parser.add_argument("readers", nargs="*", help="default: all")
+    parser.add_argument("readers", nargs="*", help="readers or commands (default: all readers; with --commands all commands)")
     parser.add_argument("--runs", type=int, help="inputs for each reader in place of a time")
     parser.add_argument("--seed", type=int, default=0, help="of libFuzzer's random numbers; 0: another one each time")
     parser.add_argument("--quick", action="store_true", help="build faster, find less")
+    parser.add_argument("--commands", type=int, help="inputs for each command; no reader is fuzzed")
     options = parser.parse_args()
+    if options.commands:
+        finish(fuzz_commands(options.readers, options))
     folder = build(options.quick)
-    known = common.run(program_in(folder)).stdout.split()
+    names = common.run(program_in(folder)).stdout.splitlines()
+    known = [name.removeprefix("command ") for name in names]
     unknown = set(options.readers) - set(known)
     if unknown:
         parser.error(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(known)}")
-    readers = options.readers or known
+    readers = options.readers or [name for name in names if " " not in name]
     common.head("reader", "inputs", "new edges", "failures")
     failures = []
     jobs = min(len(os.sched_getaffinity(0)), len(readers))
@@ -110,9 +169,7 @@ def main():
             runs, edges, failed = result.result()
             common.row(reader, runs, edges, len(failed))
             failures += failed
-    for path in failures:
-        print(path, file=sys.stderr)
-    sys.exit(1 if failures else 0)
+    finish(failures)
 
 
 if __name__ == "__main__":

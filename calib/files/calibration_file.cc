@@ -307,7 +307,7 @@ double ReadSigma(const YamlNode& node) {
 }
 
 EstimatedNumber ReadEstimate(const YamlNode& node) {
-  return {.value = node.At("value").AsNumber(), .sigma = ReadRms(node.At("sigma"))};
+  return {.value = node.At("value").AsNumber(), .sigma = ReadSigma(node.At("sigma"))};
 }
 
 std::vector<double> ReadParamSigmas(const YamlNode& node, const CameraModel& model) {

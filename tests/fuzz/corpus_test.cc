@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Every reader reads its files in the corpus, which bench/fuzz started from and to which each input
-// that broke a reader was added, and damaged copies of them.
+// that broke a reader was added, and damaged copies of them. Every command runs on the sessions
+// that its files in the corpus and random inputs change: 20, or as many as PLENOCAL_FUZZ_RUNS says,
+// from the one of number PLENOCAL_FUZZ_SEED on.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <chrono>
+#include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -19,16 +22,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLongest = 10;         // s, for one input
-constexpr long kMostMemory = 1L << 20;  // kB
+constexpr double kLongest = 10, kLongestCommand = 20;  // s, for one input
+constexpr long kMostMemory = 1L << 20;                 // kB
 
 std::vector<std::string> InputsOf(const Reader& reader) {
   std::vector<fs::path> paths;
-  for (const auto& entry : fs::directory_iterator(fs::path(PLENOCAL_CORPUS) / reader.name)) {
-    paths.push_back(entry.path());
+  const fs::path folder = fs::path(PLENOCAL_CORPUS) / reader.name;
+  if (fs::exists(folder)) {
+    for (const auto& entry : fs::directory_iterator(folder)) paths.push_back(entry.path());
   }
   std::sort(paths.begin(), paths.end());
   std::vector<std::string> inputs;
+  if (reader.is_command) inputs.emplace_back();  // changes nothing
   for (const fs::path& path : paths) {
     std::ifstream file(path, std::ios::binary);
     inputs.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
@@ -92,15 +97,26 @@ class Damage {
   std::mt19937 random_;  // the same numbers in every run
 };
 
+// As `xxd -r -p` makes a file of it.
+std::string Hexadecimal(const std::string& input) {
+  std::string text;
+  for (const char byte : input) text += fmt::format("{:02x}", static_cast<unsigned char>(byte));
+  return text;
+}
+
+// Of all threads, s.
+double ProcessorTime() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
 class EveryReader : public ::testing::TestWithParam<std::string> {
  protected:
   // True when the input is accepted.
   bool Read(const std::string& input) {
-    const auto start = std::chrono::steady_clock::now();
+    const std::string shown = reader_.is_command ? Hexadecimal(input) : input;
+    const double start = ProcessorTime();
     bool accepted = false;
-    EXPECT_NO_THROW(accepted = fuzz::Read(reader_, input)) << "input: " << input;
-    const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
-    EXPECT_LT(time.count(), kLongest) << "input: " << input;
+    EXPECT_NO_THROW(accepted = fuzz::Read(reader_, input)) << "input: " << shown;
+    EXPECT_LT(ProcessorTime() - start, reader_.is_command ? kLongestCommand : kLongest)
+        << "input: " << shown;
     return accepted;
   }
 
@@ -126,17 +142,47 @@ TEST_P(EveryReader, ReadsOrRefusesDamagedFiles) {
   for (int i = 0; i < kInputs && !HasFailure(); ++i) Read(damage.Next());
 }
 
-std::vector<std::string> Names() {
+class EveryCommand : public EveryReader {};
+
+TEST_P(EveryCommand, RunsOrRefusesItsCorpus) {
+  size_t done = 0;
+  for (const std::string& input : inputs_) done += Read(input) ? 1 : 0;
+  EXPECT_GT(done, 0U) << "the command is refused without a change";
+}
+
+unsigned NumberOf(const char* variable, unsigned otherwise) {
+  const char* const text = std::getenv(variable);
+  return text == nullptr ? otherwise : static_cast<unsigned>(std::stoul(text));
+}
+
+TEST_P(EveryCommand, RunsOrRefusesChangedSessions) {
+  constexpr unsigned kFewest = 8, kMore = 48;  // bytes of an input
+  const unsigned first = NumberOf("PLENOCAL_FUZZ_SEED", 1);
+  const unsigned runs = NumberOf("PLENOCAL_FUZZ_RUNS", 20);
+  for (unsigned seed = first; seed < first + runs; ++seed) {
+    std::mt19937 random(seed);
+    std::string input(kFewest + random() % kMore, ' ');
+    std::ranges::generate(input, [&random] { return static_cast<char>(random()); });
+    Read(input);
+  }
+}
+
+std::vector<std::string> Names(bool commands) {
   std::vector<std::string> names;
-  for (const Reader& reader : Readers()) names.push_back(reader.name);
+  for (const Reader& reader : Readers()) {
+    if (reader.is_command == commands) names.push_back(reader.name);
+  }
   return names;
 }
 
-INSTANTIATE_TEST_SUITE_P(Fuzz, EveryReader, ::testing::ValuesIn(Names()), [](const auto& param) {
+std::string TestName(const ::testing::TestParamInfo<std::string>& param) {
   std::string name = param.param;
   std::ranges::replace(name, '-', '_');
   return name;
-});
+}
+
+INSTANTIATE_TEST_SUITE_P(Fuzz, EveryReader, ::testing::ValuesIn(Names(false)), TestName);
+INSTANTIATE_TEST_SUITE_P(Fuzz, EveryCommand, ::testing::ValuesIn(Names(true)), TestName);
 
 }  // namespace
 }  // namespace plenocal::fuzz

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The program of bench/fuzz: libFuzzer on the reader that the environment variable
-// PLENOCAL_READER names. Without it: the names of all readers.
+// PLENOCAL_READER names. Without it: the names of all readers, and of all commands after "command".
 #include <fmt/format.h>
 
 #include <cstdint>
@@ -20,7 +20,9 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
     reader = &plenocal::fuzz::FindReader(name);
     return 0;
   }
-  for (const auto& each : plenocal::fuzz::Readers()) fmt::print("{}\n", each.name);
+  for (const auto& each : plenocal::fuzz::Readers()) {
+    fmt::print("{}{}\n", each.is_command ? "command " : "", each.name);
+  }
   std::exit(0);
 }
 

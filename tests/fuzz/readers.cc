@@ -40,6 +40,7 @@
 #include "models/plugin/load_plugin.h"
 #include "models/registry.h"
 #include "targets/target.h"
+#include "tests/fuzz/commands.h"
 #include "tests/fuzz/workbench_request.h"
 
 namespace plenocal::fuzz {
@@ -443,6 +444,7 @@ std::vector<Reader> MakeReaders() {
                        "imported",
                        [&format](const fs::path& path) { ReadImportFile(format, path); }});
   }
+  std::ranges::move(Commands(), std::back_inserter(readers));
   return readers;
 }
 

@@ -19,10 +19,11 @@ struct Reader {
   /// `std::logic_error` for a result that is none: a number that is not finite, or a file written
   /// from the result that our own reader refuses.
   std::function<void(const std::filesystem::path&)> read;
-  bool names_file = true;  ///< false: what it reads is no file for the user
+  bool names_file = true;   ///< false: what it reads is no file for the user
+  bool is_command = false;  ///< a whole command (commands.h), which takes some 50 ms
 };
 
-/// All readers. Formats of other tools are in it without an edit here.
+/// All readers, then the commands. Formats of other tools are in it without an edit here.
 const std::vector<Reader>& Readers();
 
 /// The reader of that name. Throws `std::logic_error` with all names when there is none.

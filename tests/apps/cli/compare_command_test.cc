@@ -219,6 +219,15 @@ TEST_F(CompareCommand, ConvertsBetweenModelsAndReadsTheResultAgain) {
   EXPECT_THAT(outcome.out, HasSubstr("pinhole-radial3 and pinhole-radtan"));
 }
 
+TEST_F(CompareCommand, ConversionsOfNarrowImagesAreDrawn) {
+  Write("camera.yaml",
+        "plenocal: 1\ncameras:\n  cam:\n    model: pinhole\n    image_size: [4, 4096]\n"
+        "    parameters: {f_x: 2000, f_y: 2000, c_x: 2, c_y: 2048}\n"
+        "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
+  const Outcome outcome = Run({"convert", "camera.yaml", "--to", "equidistant", "-o", "c"});
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+}
+
 TEST_F(CompareCommand, ConversionsToEveryModelCanBeRead) {
   // Double sphere and fov come near it only beyond their parameters' limits.
   Write(

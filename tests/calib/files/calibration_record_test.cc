@@ -82,7 +82,7 @@ CalibratedCamera Plenoptic() {
                           .covariance = Eigen::MatrixXd::Zero(9, 9),
                           .T_camera_rig = SomePose(0.2)};
   camera.sigma_xi << 1e-4, 2e-4, 3e-4, 1e-3, kInfinite, 3e-3;
-  camera.nuisances = {{-0.75, 0.125}, {1.5, 0.5}};
+  camera.nuisances = {{-0.75, 0.125}, {1.5, kInfinite}};
   camera.micro_lenses = "micro_lenses_plenoptic.csv";
   camera.lattice = "lattice_plenoptic.yaml";
   camera.vignetting = "vignetting_plenoptic.tiff";
