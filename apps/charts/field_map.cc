@@ -31,8 +31,7 @@ std::array<double, 3> Ramp(double part) {
 
 double MapHeight(const FieldMap& map) {
   constexpr double kHighest = 4;  // times its width: cairo draws no picture of any height
-  return kMapWidth *
-         std::min(kHighest, map.image_size[1] / std::max<double>(1, map.image_size[0]));
+  return kMapWidth * std::min(kHighest, map.image_size[1] / std::max<double>(1, map.image_size[0]));
 }
 
 void Text(cairo_t* cr, double x, double y, const std::string& text) {
