@@ -177,8 +177,7 @@ ShadingTest TestShading(const WallModel& model, const VignetteSplines& splines) 
   std::vector<bool> upright, turned;
   for (const double roll : rolls) {
     upright.push_back(near(roll, usual));
-    turned.push_back(!near(roll, usual) &&
-                     std::abs(std::remainder(roll - usual, 2 * std::numbers::pi)) > 2 * kWidth);
+    turned.push_back(std::abs(std::remainder(roll - usual, 2 * std::numbers::pi)) > 1.5 * kWidth);
   }
   constexpr std::ptrdiff_t kFewest = 8;
   ShadingTest test;

@@ -113,7 +113,7 @@ MISTAKES = {
         ("calib/estimate/reject.cc", "markers[static_cast<size_t>(observation.frame)] < kMinMarkersInFrame",
          "markers[static_cast<size_t>(observation.frame)] <= kMinMarkersInFrame"),
         ("calib/rig/trajectory.cc", "off < kUnitTolerance && R.determinant() > 0", "R.determinant() > 0"),
-        ("engine/scene/track/epipolar_search.cc", "1 - other < kClearlyBest * (1 - best)", "1 - other < 1 - best"),
+        ("engine/scene/track/epipolar_search.cc", "1 - other <= kClearlyBest * (1 - best)", "1 - other <= 1 - best"),
         ("targets/reading.cc", "length < kSmallestTarget || length > kLargestTarget", "length < kSmallestTarget"),
         ("models/kannala_brandt4.h", "std::array{1.0, 3 * k[0], 5 * k[1], 7 * k[2], 9 * k[3]}", "std::array{1.0, k[0], k[1], k[2], k[3]}"),
     ],

@@ -95,7 +95,7 @@ class ImageMatches {
         seen[k].views[0].observations.push_back(
             {.marker = static_cast<int>(i),
              .values = {k == c ? x : place.point.x, k == c ? y : place.point.y},
-             .detector_sigma = place.sigma});
+             .detector_sigma = std::max(place.sigma, kExact)});
       }
     }
     return seen;

@@ -2,7 +2,7 @@
 //
 // Every reader reads its files in the corpus, which bench/fuzz started from and to which each input
 // that broke a reader was added, and damaged copies of them. Every command runs on the sessions
-// that its files in the corpus and random inputs change: 20, or as many as PLENOCAL_FUZZ_RUNS says,
+// that its files in the corpus and random inputs change: 8, or as many as PLENOCAL_FUZZ_RUNS says,
 // from the one of number PLENOCAL_FUZZ_SEED on.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -158,7 +158,7 @@ unsigned NumberOf(const char* variable, unsigned otherwise) {
 TEST_P(EveryCommand, RunsOrRefusesChangedSessions) {
   constexpr unsigned kFewest = 8, kMore = 48;  // bytes of an input
   const unsigned first = NumberOf("PLENOCAL_FUZZ_SEED", 1);
-  const unsigned runs = NumberOf("PLENOCAL_FUZZ_RUNS", 20);
+  const unsigned runs = NumberOf("PLENOCAL_FUZZ_RUNS", 8);
   for (unsigned seed = first; seed < first + runs; ++seed) {
     std::mt19937 random(seed);
     std::string input(kFewest + random() % kMore, ' ');

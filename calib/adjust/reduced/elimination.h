@@ -40,7 +40,8 @@ struct ReducedEquations {
   /// present values, without priors of parameters. The last row is the gradient of half the sum of
   /// squares.
   Eigen::MatrixXd S;
-  /// Diagonal of the matrix before poses were eliminated, whose rounding `S` has.
+  /// Diagonal of the matrix before poses were eliminated, whose rounding `S` has; of markers only
+  /// their prior's part.
   Eigen::VectorXd diagonal;
   double squares = 0;     ///< the sum of squares of residuals, of priors of markers and of jitter
   bool complete = false;  ///< all used observations project

@@ -109,7 +109,7 @@ std::optional<cv::Point2f> SearchEpipolarCurve(const CameraImage& first,
       }
     }
   }
-  if (best < kLeastCorrelation || 1 - other < kClearlyBest * (1 - best)) return std::nullopt;
+  if (best < kLeastCorrelation || 1 - other <= kClearlyBest * (1 - best)) return std::nullopt;
   return cv::Point2f(static_cast<float>(at.x) + point.x - std::round(point.x),
                      static_cast<float>(at.y) + point.y - std::round(point.y));
 }

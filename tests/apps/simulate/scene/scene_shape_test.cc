@@ -286,7 +286,7 @@ TEST(SceneShape, OfARepeatedSceneHasItsBoxesInEachPeriod) {
   ASSERT_EQ(boxes.size(), 15u);  // three in each of five periods
   for (size_t i = 0; i + 3 < boxes.size(); ++i) {
     const RigidTransform turned =
-        RigidTransform{ExpRotation({0, 0, 2 * kPi / 5}), {}} * boxes[i].T_world_box;
+        RigidTransform{ExpRotation({0, 0, 2 * kPi / 5}), Vector3d::Zero()} * boxes[i].T_world_box;
     EXPECT_LT((turned.t - boxes[i + 3].T_world_box.t).norm(), 1e-12);
     EXPECT_LT((turned.R - boxes[i + 3].T_world_box.R).norm(), 1e-12);
     EXPECT_EQ(boxes[i].half, boxes[i + 3].half);
