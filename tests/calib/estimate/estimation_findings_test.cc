@@ -91,8 +91,7 @@ TEST(EstimationFindings, OfRulesAreBoundsAndContradictedPriors) {
   uncertainty.param_std_errors.assign(2, std::vector<double>(7, 3));
   camera.rules.resize(7);
   camera.at_bound.assign(7, false);
-  camera.rules[2].prior.emplace().value = 600;
-  camera.rules[2].prior->sigma = 5;
+  camera.rules[2].prior = {.value = 600, .sigma = 5};
   for (const double away : {15.9, 16.1, -16.1}) {
     camera.params[2] = 600 + away;
     const std::vector<Finding> found = FindingsOfRules(bundle, uncertainty);

@@ -41,7 +41,7 @@ struct Problem {
       const Eigen::Matrix3d R = ExpRotation({0.7 + 0.1 * f, random.Uniform(-0.5, 0.5), 0.2 * f});
       const Eigen::Vector3d place(
           random.Uniform(-0.03, 0.03), random.Uniform(-0.03, 0.03), 0.5 + 0.08 * f);
-      poses.emplace_back(R, place - R * Eigen::Vector3d(0.1, 0.05, 0.05));
+      poses.push_back({R, place - R * Eigen::Vector3d(0.1, 0.05, 0.05)});
       views.push_back(See(f));
     }
   }
