@@ -30,7 +30,7 @@ std::array<double, 3> Ramp(double part) {
 }
 
 double MapHeight(const FieldMap& map) {
-  constexpr double kHighest = 4;  // times its width: cairo draws no picture of any height
+  constexpr double kHighest = 4;  // times the width: cairo limits a picture's size
   return kMapWidth * std::min(kHighest, map.image_size[1] / std::max<double>(1, map.image_size[0]));
 }
 

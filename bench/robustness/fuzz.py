@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Coverage-guided fuzzing of every reader, with address and undefined-behaviour sanitizers (libFuzzer), and whole commands on changed sessions.
+"""Coverage-guided fuzzing of every reader, with address and undefined-behaviour sanitizers (libFuzzer); commands on changed sessions.
 
     bench/fuzz 8                    # 8 hours, equal shares for all readers
     bench/fuzz 0.1 session target   # these alone
@@ -76,8 +76,8 @@ def fuzz(folder, reader, options, seconds):
     dictionary = folder / "inputs" / f"{reader}.dict"
     write_dictionary(dictionary, corpus)
     limit = [f"-runs={options.runs}"] if options.runs else [f"-max_total_time={max(1, round(seconds))}"]
-    command = [program_in(folder), inputs, *([corpus] if corpus.exists() else []), *limit, f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MEMORY_MB}",
-               f"-max_len={LONGEST_INPUT}", f"-dict={dictionary}", f"-artifact_prefix={failures}/", "-print_final_stats=1",
+    command = [program_in(folder), inputs, *([corpus] if corpus.exists() else []), *limit, f"-timeout={LONGEST_S}",
+               f"-rss_limit_mb={MOST_MEMORY_MB}", f"-max_len={LONGEST_INPUT}", f"-dict={dictionary}", f"-artifact_prefix={failures}/", "-print_final_stats=1",
                f"-seed={options.seed}", "-verbosity=1", "-close_fd_mask=1"]
     log = folder / "inputs" / f"{reader}.log"
     with open(log, "w") as out:

@@ -28,11 +28,6 @@ namespace fs = std::filesystem;
 
 using Words = std::vector<std::string>;
 
-std::string ContentOf(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 // Standard output and error lead into a file while the object lives.
 class CapturedStreams {
  public:
@@ -175,9 +170,9 @@ const Files& SessionFiles(const std::string& name, const fs::path& folder) {
 
 // ---- what results must be
 
-// NaN is no result; infinity is one where the documentation says so: standard errors that are not
-// determined, points and distances at infinity, differences of lenses without a pixel in common.
-// JSON, SVG and pages have neither.
+// NaN is never allowed. Infinity is allowed where docs/formats.md declares it: standard errors that
+// are not determined, points and distances at infinity, differences of lenses without a common
+// pixel; not in JSON, SVG and pages.
 bool MayBeInfinite(const std::string& name, std::string_view line, std::string_view column) {
   constexpr std::string_view kDeclared[] = {
       "difference", "distance", "nearest", "farthest", "projection", "x", "y", "z"};
@@ -212,7 +207,7 @@ void RequireNumbers(const std::string& name, const std::string& text) {
   std::vector<std::string> header;
   bool in_sigmas = false;  // of YAML: lines below "sigma:"
   for (std::string line; std::getline(lines, line);) {
-    // A message says what a reader found in place of what it expected.
+    // Messages of readers quote the input, which may be 'nan'.
     if (name == "console" && line.find("expected ") != std::string::npos) continue;
     std::istringstream cells(line);
     if (header.empty()) {

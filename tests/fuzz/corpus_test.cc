@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Every reader reads its files in the corpus, which bench/fuzz started from and to which each input
-// that broke a reader was added, and damaged copies of them. Every command runs on the sessions
-// that its files in the corpus and random inputs change: 8, or as many as PLENOCAL_FUZZ_RUNS says,
-// from the one of number PLENOCAL_FUZZ_SEED on.
+// that broke a reader was added, and damaged copies of them. Every command runs on sessions
+// that are changed by its files in the corpus and by random inputs: 8, or PLENOCAL_FUZZ_RUNS, of
+// the seeds from PLENOCAL_FUZZ_SEED on.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>

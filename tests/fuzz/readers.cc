@@ -77,11 +77,6 @@ const Folder& FolderOfRun() {
   return folder;
 }
 
-std::string TextOf(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 void RequireFinite(const char* what, std::span<const double> numbers) {
   if (std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); })) return;
   throw std::logic_error(fmt::format("{} that are not finite: {}", what, fmt::join(numbers, " ")));
@@ -141,7 +136,7 @@ void CheckTarget(const Target& target) {
 }
 
 // A word that users type, in place of a file.
-void ReadTargetWord(const fs::path& path) { CheckTarget(TargetOfWord(TextOf(path))); }
+void ReadTargetWord(const fs::path& path) { CheckTarget(TargetOfWord(ContentOf(path))); }
 
 void CheckCameras(const std::vector<CalibratedCamera>& cameras) {
   for (const CalibratedCamera& camera : cameras) {
@@ -360,7 +355,7 @@ void ReadAttenuationFile(const fs::path& path) {
 void ReadCacheEntry(const fs::path& path) {
   DetectionCache cache(path.parent_path(), "program", /*fresh=*/false);
   static_cast<void>(cache.Load(path.filename().string()));
-  const std::string content = TextOf(path);
+  const std::string content = ContentOf(path);
   static_cast<void>(internal::UnpackMicroLenses(content));
   static_cast<void>(UnpackEntry<internal::RawDetections>(content));
   static_cast<void>(UnpackEntry<internal::Pictures>(content));
@@ -372,7 +367,7 @@ void ReadPlugin(const fs::path& path) { static_cast<void>(internal::WhyNotLoadab
 
 // One argument a line; the command is not run.
 void ReadCommandLine(const fs::path& path) {
-  std::istringstream text(TextOf(path));
+  std::istringstream text(ContentOf(path));
   std::vector<std::string> words{"plenocal"};
   for (std::string word; std::getline(text, word);) {
     // Both end in text on the terminal.
@@ -449,6 +444,11 @@ std::vector<Reader> MakeReaders() {
 }
 
 }  // namespace
+
+std::string ContentOf(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
 
 const std::vector<Reader>& Readers() {
   static const std::vector<Reader> readers = MakeReaders();

@@ -26,6 +26,9 @@ struct Reader {
 /// All readers, then the commands. Formats of other tools are in it without an edit here.
 const std::vector<Reader>& Readers();
 
+/// The bytes of a file.
+std::string ContentOf(const std::filesystem::path& path);
+
 /// The reader of that name. Throws `std::logic_error` with all names when there is none.
 const Reader& FindReader(std::string_view name);
 

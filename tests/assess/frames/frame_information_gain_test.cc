@@ -76,7 +76,7 @@ TEST_F(Worth, OfTooFewPointsIsNothing) {
 }
 
 // Each view of a rig with jitter has an entry of its own in the jitter's tables.
-TEST_F(Worth, OfARigWithJitterIsLess) {
+TEST_F(Worth, OfARigWithJitterLowersTheSigma) {
   const NextViews suggested = Suggested(rig_);
   const RigidTransform T_rig_target = suggested.views.at(0).T_rig_target;
   const FrameInformationGain rigid =

@@ -2,42 +2,28 @@
 #include "calib/io/detection_cache.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <optional>
-#include <stdexcept>
 #include <string>
+
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
 namespace fs = std::filesystem;
 
-class Cache : public ::testing::Test {
+class Cache : public testing::InTemporaryFolder {
  protected:
-  Cache() {
-    std::string name = (fs::temp_directory_path() / "plenocal_cache_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
-    root_ = name;
-    folder_ = root_ / "cache";
-  }
-  ~Cache() override { fs::remove_all(root_); }
-
-  [[nodiscard]] DetectionCache Open(bool fresh = false) const { return {folder_, "1.0", fresh}; }
+  [[nodiscard]] DetectionCache Open(bool fresh = false) const { return {cache_, "1.0", fresh}; }
   [[nodiscard]] std::string Key() const { return Open().Key({"markers", "image"}); }
   void Put(const fs::path& name, const std::string& content) const {
-    fs::create_directories(folder_);
-    std::ofstream(folder_ / name, std::ios::binary) << content;
-  }
-  [[nodiscard]] std::string Text(const fs::path& name) const {
-    std::ifstream file(folder_ / name, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
+    Write(("cache" / name).string(), content);
   }
 
-  fs::path root_, folder_;
+  const fs::path cache_ = Path("cache");
 };
 
 TEST_F(Cache, KeysDifferWhereAnyPartProgramOrBoundaryDoes) {
@@ -47,21 +33,21 @@ TEST_F(Cache, KeysDifferWhereAnyPartProgramOrBoundaryDoes) {
   EXPECT_NE(Open().Key({"marker", "simage"}), Key());
   EXPECT_NE(Open().Key({"image", "markers"}), Key());
   EXPECT_NE(Open().Key({"markers"}), Key());
-  EXPECT_NE(DetectionCache(folder_, "1.1", false).Key({"markers", "image"}), Key());
+  EXPECT_NE(DetectionCache(cache_, "1.1", false).Key({"markers", "image"}), Key());
   EXPECT_EQ(Open().Key({"markers", ""}), "");
 }
 
 TEST_F(Cache, GivesBackWhatWasSaved) {
   DetectionCache cache = Open();
   EXPECT_EQ(cache.Load(Key()), std::nullopt);
-  EXPECT_FALSE(fs::exists(folder_)) << "the folder is made with the first entry";
+  EXPECT_FALSE(fs::exists(cache_)) << "the folder is made with the first entry";
   const std::string content("a\0b\n", 4);
   cache.Save(Key(), content);
   EXPECT_EQ(cache.Load(Key()), content);
   EXPECT_EQ(Open().Load(Key()), content);
   cache.Save(Key(), "");
   EXPECT_EQ(Open().Load(Key()), "");
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);
+  EXPECT_EQ(std::distance(fs::directory_iterator(cache_), {}), 1);
 }
 
 TEST_F(Cache, IgnoresEntriesOfEarlierRunsWhenFresh) {
@@ -77,7 +63,7 @@ TEST_F(Cache, IgnoresEntriesOfEarlierRunsWhenFresh) {
 
 TEST_F(Cache, TakesADamagedEntryForAbsent) {
   Open().Save(Key(), "content");
-  const std::string entry = Text(Key());
+  const std::string entry = files_.Read("cache/" + Key());
   for (size_t i = 0; i < entry.size(); ++i) {
     std::string damaged = entry;
     damaged[i] = static_cast<char>(damaged[i] ^ 1);
@@ -106,21 +92,21 @@ TEST_F(Cache, RemovesEntriesAndTemporaryFilesThatTheRunHasNotUsed) {
   EXPECT_FALSE(cache.Load(key("damaged")));
   cache.Save(key("saved"), "saved");
   cache.RemoveUnused();
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 4);
+  EXPECT_EQ(std::distance(fs::directory_iterator(cache_), {}), 4);
   for (const std::string& kept :
        {key("loaded"), key("saved"), std::string("notes.txt"), key("upper") + "X"}) {
-    EXPECT_TRUE(fs::exists(folder_ / kept)) << kept;
+    EXPECT_TRUE(fs::exists(cache_ / kept)) << kept;
   }
 }
 
 TEST_F(Cache, RemovesItsEmptyFolderButNothingBehindALink) {
   Open().Save(Key(), "content");
-  const fs::path link = root_ / "link";
-  fs::create_directory_symlink(folder_, link);
+  const fs::path link = Path("link");
+  fs::create_directory_symlink(cache_, link);
   DetectionCache(link, "1.0", false).RemoveUnused();
-  EXPECT_TRUE(fs::exists(folder_ / Key()));
+  EXPECT_TRUE(fs::exists(cache_ / Key()));
   Open().RemoveUnused();
-  EXPECT_FALSE(fs::exists(folder_));
+  EXPECT_FALSE(fs::exists(cache_));
 }
 
 TEST_F(Cache, KeepsNothingWithoutAFolderOrAKey) {
@@ -130,19 +116,19 @@ TEST_F(Cache, KeepsNothingWithoutAFolderOrAKey) {
   DetectionCache cache = Open();
   cache.Save("", "content");
   EXPECT_EQ(cache.Load(""), std::nullopt);
-  EXPECT_FALSE(fs::exists(folder_));
+  EXPECT_FALSE(fs::exists(cache_));
 }
 
 TEST_F(Cache, HashesContents) {
   Put("a", "content");
   Put("b", "content");
   Put("c", "contenu");
-  EXPECT_EQ(HashFile(folder_ / "a"), HashFile(folder_ / "b"));
-  EXPECT_NE(HashFile(folder_ / "a"), HashFile(folder_ / "c"));
+  EXPECT_EQ(HashFile(cache_ / "a"), HashFile(cache_ / "b"));
+  EXPECT_NE(HashFile(cache_ / "a"), HashFile(cache_ / "c"));
   const std::string text = "content";
-  EXPECT_EQ(HashFile(folder_ / "a"),
+  EXPECT_EQ(HashFile(cache_ / "a"),
             HashBytes({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
-  EXPECT_EQ(HashFile(folder_ / "none"), "");
+  EXPECT_EQ(HashFile(cache_ / "none"), "");
 }
 
 }  // namespace TEST_FILE

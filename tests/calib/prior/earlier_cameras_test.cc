@@ -204,7 +204,7 @@ TEST(EarlierCameras, OfTwoCalibrationsHaveIndependentPriors) {
   expected.topLeftCorner<2, 2>() = left.cameras[0].covariance.topLeftCorner<2, 2>();
   expected.bottomRightCorner<2, 2>() = expected.topLeftCorner<2, 2>();
   EXPECT_LT((CovarianceOf(*found.prior) - expected).norm(), 1e-9);
-  // Nothing tells where the second camera is.
+  // The second camera has no extrinsics.
   EXPECT_FALSE(found.T_camera_rig[1]);
   EXPECT_EQ(found.prior->T_camera_rig.size(), 2U);
 }

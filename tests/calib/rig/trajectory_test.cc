@@ -3,34 +3,21 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 #include <string>
 
-#include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 
-class TrajectoryFile : public ::testing::Test {
+class TrajectoryFile : public testing::InTemporaryFolder {
  protected:
-  TrajectoryFile() {
-    std::string name =
-        (std::filesystem::temp_directory_path() / "plenocal_trajectory_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
-    folder_ = name;
-  }
-  ~TrajectoryFile() override { std::filesystem::remove_all(folder_); }
-
   [[nodiscard]] std::string Put(const std::string& name, const std::string& text) const {
-    std::ofstream(folder_ / name) << text;
-    return (folder_ / name).string();
+    return Write(name, text).string();
   }
   [[nodiscard]] Trajectory Read(const std::string& text) const {
     return ReadTrajectory(Put("poses.txt", text), {});
@@ -49,8 +36,6 @@ class TrajectoryFile : public ::testing::Test {
     }
     return {};
   }
-
-  std::filesystem::path folder_;
 };
 
 constexpr double kRounding = 1e-12;

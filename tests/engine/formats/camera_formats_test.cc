@@ -3,33 +3,21 @@
 // What every camera file of another tool has in common: what is written is read back.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
 #include <map>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "engine/formats/camera_format.h"
 #include "models/registry.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
-
-class CameraFiles : public ::testing::Test {
+class CameraFiles : public testing::InTemporaryFolder {
  protected:
-  CameraFiles() {
-    std::string name = (fs::temp_directory_path() / "plenocal_formats_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
-    folder_ = name;
-  }
-  ~CameraFiles() override { fs::remove_all(folder_); }
-
   // The cameras of files that are written from these.
   [[nodiscard]] std::vector<CalibratedCamera> ThereAndBack(
       const CameraFormat& format, const std::vector<CalibratedCamera>& cameras) const {
@@ -43,8 +31,7 @@ class CameraFiles : public ::testing::Test {
     }
     std::vector<CalibratedCamera> back;
     for (size_t i = 0; i < texts.size(); ++i) {
-      const fs::path path = folder_ / fmt::format("{}{}", i, std::string(format.extension));
-      std::ofstream(path, std::ios::binary) << texts[i];
+      const auto path = Write(fmt::format("{}{}", i, format.extension), texts[i]);
       const bool fisheye = cameras[i].model->name == "kannala-brandt4";
       for (CalibratedCamera& camera :
            ReadCameraFile(format, {path, cameras[i].image_size, fisheye})) {
@@ -53,8 +40,6 @@ class CameraFiles : public ::testing::Test {
     }
     return back;
   }
-
-  fs::path folder_;
 };
 
 CalibratedCamera Example(const CameraFormat& format,

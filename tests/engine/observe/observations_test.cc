@@ -14,7 +14,7 @@
 #include "engine/session/memory_session.h"
 #include "models/registry.h"
 #include "tests/engine/pinhole_board.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

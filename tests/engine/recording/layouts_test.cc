@@ -9,7 +9,7 @@
 #include "engine/recording/recorded_topics.h"
 #include "engine/recording/stores/message_log.h"
 #include "tests/engine/recording/message_bytes.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

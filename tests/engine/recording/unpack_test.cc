@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "tests/engine/recording/message_bytes.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "engine/recording/video/video_store.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

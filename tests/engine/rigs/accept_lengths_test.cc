@@ -13,7 +13,7 @@
 
 #include "calib/base/statistics.h"
 #include "tests/calib/random.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

@@ -8,7 +8,7 @@
 
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

@@ -9,7 +9,7 @@
 
 #include "calib/io/output_folder.h"
 #include "engine/rigs/triangulate_points.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

@@ -14,7 +14,7 @@
 #include "engine/scene/track/feature_tracker.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

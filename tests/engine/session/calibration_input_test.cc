@@ -9,7 +9,7 @@
 #include "engine/recording/messages/ros_messages.h"
 #include "engine/session/earlier_session.h"
 #include "models/registry.h"
-#include "tests/engine/temporary_folder.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

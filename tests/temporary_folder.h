@@ -38,7 +38,7 @@ class TemporaryFolder {
 
  private:
   std::filesystem::path path_ = std::filesystem::temp_directory_path() /
-                                ("plenocal_engine_" + std::to_string(::getpid()) + "_" +
+                                ("plenocal_test_" + std::to_string(::getpid()) + "_" +
                                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
 };
 
