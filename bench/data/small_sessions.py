@@ -2,7 +2,6 @@
 """Simulated sessions of a few small images, and commands on them, for benches that run the program hundreds of times."""
 import random
 import shutil
-import sys
 
 import common
 from common import run
@@ -107,13 +106,14 @@ def parse(arguments, commands=COMMANDS):
 
 
 def test_commands(options, kind, test):
-    """Prints a row for each command, a `kind` of Command, whose last cell is the number of its failures; ends with status 1 after one."""
-    rng, failures = random.Random(options.seed), 0
+    """Prints a row for each command, a `kind` of Command, whose last cells are the numbers of its cases and failures; ends as
+    `common.finish`."""
+    rng, cases, failures = random.Random(options.seed), 0, 0
     with common.folder() as folder:
         make_sessions(options.program, folder)
         run(options.program, "calibrate", "ordinary/session.yaml", "-o", "given", "--quiet", cwd=folder)
         for name in options.commands:
             cells = test(kind(options.program, folder, name), rng)
             common.row(name, *cells)
-            failures += cells[-1]
-    sys.exit(1 if failures else 0)
+            cases, failures = cases + cells[-2], failures + cells[-1]
+    common.finish(cases - failures, cases)

@@ -4,6 +4,7 @@
 
     bench/robustness/power_cuts.py --program build/release/apps/plenocal            # every prefix of the writes of five commands
     bench/robustness/power_cuts.py --program build/release/apps/plenocal try        # of `try` alone
+    bench/robustness/power_cuts.py --program build/release/apps/plenocal --share 0.02   # of the states, chosen at random
 
 The system calls that change files are recorded (strace) while a command replaces old results, and replayed to every prefix
 into what a file system without any order may hold then: data is on the disk once its file was waited for (fsync), a name once
@@ -212,10 +213,10 @@ class Command(small_sessions.Command):
         return "" if results(self.out) == self.new else "the next run writes other results"
 
 
-def test(command, rng):
-    """Numbers of operations, of different states, and of those that are wrong."""
+def test(command, rng, share):
+    """Numbers of operations, of different states (a share of all), and of those that are wrong."""
     trace, disk = command.record()
-    seen, failed, prefixes = set(), 0, 0
+    seen, states, failed, prefixes = set(), 0, 0, 0
     for ended in itertools.chain((False for _ in replay(trace, disk)), [True]):
         prefixes += 1
         for lost in sorted(disk.possible_states(rng), key=sorted):
@@ -224,6 +225,9 @@ def test(command, rng):
             if key in seen:
                 continue
             seen.add(key)
+            if rng.random() >= share:
+                continue
+            states += 1
             if wrong := command.is_wrong(files, ended):
                 failed += 1
                 if failed > SHOWN:
@@ -231,14 +235,16 @@ def test(command, rng):
                 named = [disk.operations[index] for index in sorted(lost)]
                 names = [[name for _, name in operation] if isinstance(operation, dict) else "data" for operation in named]
                 print(f"after {prefixes} operations{', at the end' if ended else ''}, without {names}: {wrong}", file=sys.stderr)
-    return prefixes - 1, len(seen), failed
+    return prefixes - 1, states, failed
 
 
 def main():
-    options = small_sessions.parse(small_sessions.parser(__doc__))
+    parser = small_sessions.parser(__doc__)
+    parser.add_argument("--share", type=float, default=1, help="of the states that is looked at")
+    options = small_sessions.parse(parser)
     subprocess.run([common.ROOT / "scripts/install_packages", "strace"], check=True)
     common.head("command", "operations", "states", "failed")
-    small_sessions.test_commands(options, Command, test)
+    small_sessions.test_commands(options, Command, lambda command, rng: test(command, rng, options.share))
 
 
 if __name__ == "__main__":

@@ -73,8 +73,11 @@ TEST_P(Fault, LeavesOldOrNewResults) {
     if (HasFailure()) return;
   }
   EXPECT_GT(failures, 5);
-  std::cout << fmt::format(
-      "{}: {} calls, {} of them end the run\n", GetParam().name, n - 1, failures);
+  std::cout << fmt::format("{}: {} of {} passed, {} of the calls end the run\n",
+                           GetParam().name,
+                           n - 1,
+                           n - 1,
+                           failures);
 }
 
 // One thread: calls come in one order.
