@@ -133,6 +133,8 @@ def fuzz_commands(names, options):
             seconds, failed = result.result()
             common.row(name, options.commands, round(seconds), len(failed))
             failures += failed
+    inputs = options.commands * len(results)
+    print(f"\n{inputs - len(failures)} of {inputs} passed")
     return failures
 
 
