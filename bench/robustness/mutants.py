@@ -128,7 +128,7 @@ class Suite:
         """Whether a test passes within this time, and its seconds."""
         start = time.monotonic()
         with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
-            variables = {**os.environ, "TMPDIR": folder, **environment}
+            variables = {**os.environ, "TMPDIR": folder, "GTEST_FAIL_FAST": "1", **environment}
             variables.pop("PLENOCAL_DATA", None)
             words = ["prlimit", f"--as={MEMORY}", f"--fsize={MEMORY}", "--core=0", *self.commands[name]]
             test = subprocess.Popen(words, cwd=folder, env=variables, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
