@@ -6,10 +6,13 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <limits>
+#include <tuple>
 
 #include "calib/adjust/landmarks.h"
 #include "calib/adjust/reduced/elimination.h"
 #include "calib/adjust/rows.h"
+#include "tests/calib/dense_problem.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
@@ -204,58 +207,13 @@ TEST(EliminateFrames, IsTheSchurComplementOfTheWholeSystem) {
     const ReducedEquations equations = EliminateFrames(bundle, layout, objective, 0, {});
     ASSERT_TRUE(equations.complete);
     EXPECT_NEAR(equations.squares, SumOfSquares(bundle, objective), 1e-9 * equations.squares);
-    // Residuals of all, their derivatives by differences: layout, poses, jitter.
-    const auto views = static_cast<Eigen::Index>(jitter > 0 ? 9 : 0);
-    const Eigen::Index total = layout.total, size = total + 6 * (3 + views);
-    const auto residuals = [&](const Eigen::VectorXd& step) {
-      Bundle moved = bundle;
-      Move(layout, step.head(total), &moved);
-      for (Eigen::Index f = 0; f < 3; ++f) {
-        RigidTransform& T = moved.T_rig_target[static_cast<size_t>(f)];
-        T = Retract(T, step.segment<6>(total + 6 * f));
-      }
-      std::vector<double> all;
-      for (Eigen::Index v = 0; v < views; ++v) {
-        Vector6d& delta = moved.jitter.delta[static_cast<size_t>(v)];
-        delta += step.segment<6>(total + 18 + 6 * v);
-        const Vector6d weighted = objective.jitter_weights[static_cast<size_t>(v)] * delta;
-        if (v % 3 != 2) all.insert(all.end(), weighted.begin(), weighted.end());
-      }
-      for (const BundleObservation& each : moved.observations) {
-        if (!each.used) continue;
-        double residual[kMaxObservationSize];
-        EXPECT_TRUE(Residual(moved, each, residual));
-        for (int axis = 0; axis < 2; ++axis) all.push_back(residual[axis] / each.assumed_sigma);
-      }
-      for (size_t m = 0; m < moved.markers.size(); ++m) {
-        // In the frame of the marker's target: its motion leaves the prior as it is.
-        const RigidTransform& T =
-            moved.targets[static_cast<size_t>(moved.markers[m].target)].T_target_own;
-        const Eigen::Vector3d d =
-            T.R.transpose() * (moved.markers[m].position - moved.Expected(static_cast<int>(m))) /
-            0.001;
-        all.insert(all.end(), d.begin(), d.end());
-      }
-      return Eigen::VectorXd(
-          Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size())));
-    };
-    const Eigen::VectorXd r = residuals(Eigen::VectorXd::Zero(size));
+    testing::DenseProblem dense{bundle};
+    dense.Differentiate();
+    const auto& [r, J, N] = std::tie(dense.residuals, dense.J, dense.N);
     EXPECT_NEAR(r.squaredNorm() / equations.squares, 1, 1e-9) << jitter;
-    // Only the unknowns before the markers, the first markers and the states.
-    Eigen::MatrixXd J(r.size(), size);
-    for (Eigen::Index k = 0; k < size; ++k) {
-      const double step = k < 6 || (k >= 6 && k < 10) ? 1e-4 : 1e-6;
-      J.col(k) = (residuals(step * Eigen::VectorXd::Unit(size, k)) -
-                  residuals(-step * Eigen::VectorXd::Unit(size, k))) /
-                 (2 * step);
-    }
-    Eigen::MatrixXd N = J.transpose() * J;
-    // The third camera's jitter has its prior only, which moves nothing else.
-    for (Eigen::Index k = total; k < size; ++k) {
-      if (N(k, k) == 0) N(k, k) = 1;
-    }
+    const Eigen::Index total = layout.total;
     const Eigen::VectorXd g = J.transpose() * r;
-    const Eigen::Index rest = size - total;
+    const Eigen::Index rest = dense.Size() - total;
     const Eigen::MatrixXd solved =
         N.bottomRightCorner(rest, rest).ldlt().solve(N.bottomLeftCorner(rest, total));
     const Eigen::MatrixXd S =

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "calib/adjust/solver/adjust.h"
+#include "tests/calib/dense_problem.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
 
@@ -131,6 +132,55 @@ TEST(Uncertainty, SharesTheUnknownsOfARigAmongItsCameras) {
   EXPECT_NEAR(uncertainty.redundancy[0] + uncertainty.redundancy[1],
               coordinates - 2 * 7 - 6 - 6 * 5 - markers,
               1e-5);
+}
+
+// Poses and jitter alone, of cameras that are known.
+TEST(Uncertainty, SharesTheDegreesOfPosesAndJitterAmongTheViews) {
+  Bundle bundle = ExactBundle({.cameras = 2, .frames = 3, .noise = 0.2});
+  bundle.jitter.translation_sigma = 3e-4;
+  bundle.jitter.rotation_sigma = 2e-3;
+  bundle.jitter.delta.assign(6, Vector6d::Constant(1e-4));
+  bundle.jitter.misplaced.assign(6, false);
+  for (BundleCamera& camera : bundle.cameras) camera.fixed.assign(7, true);
+  const Uncertainty uncertainty = EstimateUncertainty(bundle);
+  testing::DenseProblem dense{bundle};
+  dense.Differentiate();
+  const Eigen::Index first = dense.Pose(0), states = dense.Size() - first;
+  const Eigen::MatrixXd J = dense.J.rightCols(states);
+  const Eigen::MatrixXd C = dense.N.bottomRightCorner(states, states).inverse();
+  const Eigen::VectorXd used = (J * C).cwiseProduct(J).rowwise().sum();
+  std::vector<double> redundancy(2);
+  double of_prior[2] = {-3, -3};  // less the extrinsics, which the mean of the jitter determines
+  for (Eigen::Index r = 0; r < used.size(); ++r) {
+    const int camera = dense.cameras[static_cast<size_t>(r)];
+    if (camera >= 0) redundancy[static_cast<size_t>(camera)] += 1 - used[r];
+    if (camera < 0) of_prior[r % 6 / 3] += 1 - used[r];
+  }
+  EXPECT_NEAR(uncertainty.redundancy[0], redundancy[0], 1e-4);
+  EXPECT_NEAR(uncertainty.redundancy[1], redundancy[1], 1e-4);
+  EXPECT_NEAR(uncertainty.jitter_translation_redundancy, of_prior[0], 1e-4);
+  EXPECT_NEAR(uncertainty.jitter_rotation_redundancy, of_prior[1], 1e-4);
+  // Both kinds of unknowns are partly determined, so that each term of their covariance counts.
+  EXPECT_GT(of_prior[0], 1);
+  EXPECT_LT(of_prior[0], 14);
+}
+
+TEST(Uncertainty, OfMarkersAndParametersIsTheInverseOfTheWholeNormalMatrix) {
+  Bundle bundle = ExactBundle({.frames = 5});
+  bundle.marker_freedom = MarkerFreedom::FromSigma(0.0005);
+  const Uncertainty uncertainty = EstimateUncertainty(bundle);
+  testing::DenseProblem dense{bundle};
+  dense.Differentiate();
+  const Eigen::VectorXd sigma = dense.N.inverse().diagonal().cwiseSqrt();
+  for (size_t k = 0; k < 7; ++k) {
+    const int i = dense.layout.params[0][k];
+    EXPECT_NEAR(uncertainty.param_std_errors[0][k] / sigma[i], 1, 1e-4) << k;
+  }
+  ASSERT_EQ(uncertainty.marker_std_errors.size(), bundle.markers.size());
+  for (size_t m = 0; m < bundle.markers.size(); ++m) {
+    const Eigen::Vector3d expected = sigma.segment<3>(dense.layout.Marker(static_cast<int>(m)));
+    EXPECT_LT((uncertainty.marker_std_errors[m] - expected).norm(), 1e-4 * expected.norm()) << m;
+  }
 }
 
 TEST(Uncertainty, CombinesPriorsAsOneMoreObservation) {

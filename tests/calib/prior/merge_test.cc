@@ -137,9 +137,18 @@ TEST_F(MergeTest, ScalesStandardErrorsOfCalibrationsThatDisagree) {
   Random random(2);
   std::vector<CalibrationRecord> parts;
   for (int i = 0; i < 3; ++i) parts.push_back(Estimate({"left", "right"}, &random));
+  const MergedCalibrations agreeing = MergeCalibrations(parts, {});
+  EXPECT_EQ(agreeing.scale, 1);
   parts[1].cameras[0].params[0] += 5;  // refocused
   const MergedCalibrations merged = MergeCalibrations(parts, {});
   EXPECT_GT(merged.scale, 1.5);
+  EXPECT_NEAR(merged.scale * merged.scale, merged.chi_square / merged.degrees, 1e-9);
+  for (size_t c = 0; c < 2; ++c) {
+    const CalibratedCamera &scaled = merged.record.cameras[c], &plain = agreeing.record.cameras[c];
+    for (size_t k = 0; k < plain.params.size(); ++k) {
+      EXPECT_NEAR(scaled.Sigma(k) / plain.Sigma(k), merged.scale, 1e-6) << c << " " << k;
+    }
+  }
   const std::vector<Finding> findings = FindingsOfMerge(merged, parts, {});
   ASSERT_FALSE(findings.empty());
   EXPECT_EQ(findings[0].code, "calibrations_disagree");

@@ -4,7 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
+
+#include "calib/base/statistics.h"
+#include "tests/detectors/plenoptic/depth/wave_scene.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -36,6 +40,32 @@ TEST(CoverWindows, OfNothingAreNoBlocks) {
   std::vector<PatchBlock> blocks{{0, 1, 2}};
   CoverWindows({}, 48, &blocks);
   EXPECT_TRUE(blocks.empty());
+}
+
+// The pixels of a plane, by the search alone: between the steps by the parabola through three of
+// them.
+TEST(Search, FindsAPlaneToASmallPartOfItsStep) {
+  const WaveScene scene{
+      .v = -3.5, .noise = 0.2, .array = PlenopticScene{.width = 240, .height = 240}.Array()};
+  const MicroLensIndex index(scene.array);
+  const LensPatches patches = scene.Patches();
+  const SensorNoise noise{0.04f, 0};
+  const DepthMatcher matcher(patches, index, noise);
+  const float truth = static_cast<float>(1 / scene.v), step = matcher.Step();
+  // Steps at any offset from the truth.
+  for (const float offset : {0.f, 0.25f, 0.5f, 0.75f}) {
+    MatchScratch scratch;
+    std::vector<float> errors;
+    for (size_t lens = 0; lens < scene.array.lenses.size(); lens += 5) {
+      matcher.Select(lens, &scratch);
+      matcher.Search(lens, {truth - (4 + offset) * step, truth + 4 * step}, &scratch);
+      for (const float z : scratch.pixels.z) errors.push_back((z - truth) / step);
+    }
+    ASSERT_GT(errors.size(), 500U);
+    EXPECT_NEAR(Median(errors), 0, 0.12) << offset;
+    for (float& error : errors) error = std::abs(error);
+    EXPECT_LT(Median(errors), 0.15) << offset;
+  }
 }
 
 }  // namespace TEST_FILE
