@@ -34,9 +34,9 @@ MISTAKES = {
     ],
     WINDOW: [
         ("engine/scene/track/epipolar_search.cc", "centre.x >= image.cols - kHalf", "centre.x > image.cols - kHalf"),
-        ("detectors/boards/circles_detector.cc", "cv::Rect(centre.x - r, centre.y - r, 2 * r + 1, 2 * r + 1)",
-         "cv::Rect(centre.x - r, centre.y - r, 2 * r, 2 * r)"),
-        ("detectors/images/target_area.cc", "x + 1 < smooth.cols", "x + 1 <= smooth.cols"),
+        ("models/spline/spline_lens.cc", "static_cast<int>(place + 0.5)", "static_cast<int>(place)"),
+        ("assess/compare.cc", "(column + 0.5) / kComparedColumns * a.image_size[0] - 0.5",
+         "(column + 1.0) / kComparedColumns * a.image_size[0] - 0.5"),
         ("detectors/images/pictures.cc", "(marker.values[i] + 0.5) * scale - 0.5", "marker.values[i] * scale"),
         ("calib/traits/image_grid.cc", "std::floor((x + 0.5) / width_ * columns_)", "std::floor(x / width_ * columns_ + 0.5)"),
         ("calib/base/statistics.cc", "std::lround(part * static_cast<double>(values.size() - 1))",
@@ -58,7 +58,7 @@ MISTAKES = {
         ("calib/estimate/start_rig.cc", "*known * T_camera_rig[best_from].Inverse()", "T_camera_rig[best_from].Inverse() * *known"),
         ("calib/prior/calibrated_rig.cc", "prior_.T_camera_rig.push_back(camera.T_camera_rig * master.T_camera_rig.Inverse());",
          "prior_.T_camera_rig.push_back(master.T_camera_rig * camera.T_camera_rig.Inverse());"),
-        ("calib/rig/hand_eye.cc", "pairs[i].B.Inverse() * X.Inverse() * pairs[i].A", "pairs[i].B.Inverse() * X * pairs[i].A"),
+        ("calib/rig/hand_eye.cc", "R_XB * t_Y + R_X * pair.B.t + t_X - pair.A.t", "R_XB * t_Y + R_XB * pair.B.t + t_X - pair.A.t"),
     ],
     EXCLUSION: [
         ("calib/files/exclusion.cc", "if (!rule.camera.empty() && rule.camera != camera) return false;", ""),
