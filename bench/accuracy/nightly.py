@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A seeded slice of every bench of accuracy, two at a time: is a result wrong that no test sees?
+"""A seeded slice of every bench of accuracy and of bench/faults, two at a time: is a result wrong that no test sees?
 
     bench/nightly                                  # about ten minutes
     bench/nightly scene rigs                       # these alone, as in .ci/run
@@ -41,6 +41,10 @@ class Slice:
     program: tuple = ("--program",)  # before the program's name
 
 
+DATA = pathlib.Path(os.environ.get("PLENOCAL_DATA", ""))
+PRESCRIPTIONS = DATA / "plenoptic_real/lens_prescriptions/csv"
+
+
 def folder(name):
     return OUT / "work" / name
 
@@ -66,9 +70,16 @@ SLICES = {
     "plenoptic_nees": Slice([folder("plenoptic_nees"), "--sets", 1], {rf"NEES / n {NUMBER}": SQUARES}, ("cv2", "numba", "scipy"), ()),
     "photometry": Slice([folder("photometry"), "--seeds", 0, "--views", 40, "--size", "320x256"],
                         {rf"\(error/sigma\)\^2 {NUMBER}": (0.2, 3)}, ("cv2",), ()),
-    "sim_twin": Slice([pathlib.Path(os.environ.get("PLENOCAL_DATA", "")) / "sim_small", folder("sim_twin"), "--sampling-noise"],
+    "sim_twin": Slice([DATA / "sim_small", folder("sim_twin"), "--sampling-noise"],
                       {rf"noise.* {NUMBER}$": (0.8, 1.25)}, ("cv2", "scipy", "PLENOCAL_DATA"), ()),
     "try_real_sets": Slice(["--only", "circles_visp"], {rf"\| {NUMBER} \([\d.]+\) \| [\d.]+ \(": (0, 0.35)}, ("PLENOCAL_DATA",)),
+    "faults": Slice(["--seeds", 1, "--good", 4, "--jobs", 1], {r"^\| `\w+` \| 1 \| (\d)": (1, 1), r"^(\d) of 4 good": (4, 4)}),
+    "missing": Slice(["--cases", 2, "--correct", 3, "--families", "radial", "skew", "none", "--jobs", 1], {
+        rf"^(?:radial|skew) +2 +{NUMBER}": (0.5, 1)}),
+    "stress": Slice(["--cases", 4, "--jobs", 1], {r"^any: (\d)": (0, 2), rf" {NUMBER} +[\d.]+$": (0.6, 1.6)}),
+    "space": Slice(["--rigs", 2, "--kinds", "pinhole", "mixed"], {rf"^\| \w+ \| 2 \| {NUMBER}": (0.65, 1.45)}, ("scipy",), ()),
+    "lens_trace": Slice([PRESCRIPTIONS, folder("lens_trace"), "--sets", 2], {rf"^mean of all {NUMBER}": (0.02, 4)}, ("PLENOCAL_DATA",),
+                        ("--check",)),
     "splined_mrcal": Slice([], {rf"held out.*RMS {NUMBER}": (0.4, 0.65)}, ("mrcal", "PLENOCAL_DATA")),
 }
 
@@ -95,7 +106,7 @@ def measure(name, program):
     OUT.joinpath("work", name).mkdir(parents=True, exist_ok=True)
     before = [] if part.program is None else [*part.program, program]
     start = time.monotonic()
-    done = subprocess.run([sys.executable, HERE / f"{name}.py", *map(str, [*before, *part.arguments])], cwd=common.ROOT,
+    done = subprocess.run([sys.executable, next(HERE.parent.glob(f"*/{name}.py")), *map(str, [*before, *part.arguments])], cwd=common.ROOT,
                           capture_output=True, text=True)
     (OUT / f"{name}.txt").write_text(done.stdout + done.stderr)
     wrong = [f"exit status {done.returncode}"] if done.returncode else []
