@@ -25,7 +25,7 @@ bool See(const Eigen::Vector3d& p, Seen* seen) {
     return false;
   }
   seen->p = p / seen->size;
-  return Stereographic(seen->p, &seen->u);
+  return ProjectStereographic(seen->p, &seen->u);
 }
 
 // Derivatives of u by p.
@@ -88,7 +88,7 @@ std::optional<Eigen::Vector3d> SolveFrom(const SplineLens& lens,
 
 }  // namespace
 
-bool Stereographic(const Eigen::Vector3d& p, Eigen::Vector2d* u) {
+bool ProjectStereographic(const Eigen::Vector3d& p, Eigen::Vector2d* u) {
   const double r2 = p.head<2>().squaredNorm(), d = std::sqrt(r2 + p.z() * p.z());
   // 1 / (d + z), behind the camera without cancellation.
   if (!(p.z() > 0 || r2 > 0)) return false;

@@ -62,7 +62,7 @@ struct SplineLens {
 };
 
 /// u of a direction; false straight behind.
-bool Stereographic(const Eigen::Vector3d& p, Eigen::Vector2d* u);
+bool ProjectStereographic(const Eigen::Vector3d& p, Eigen::Vector2d* u);
 
 /// Start values of `kannala-brandt4`, each with the spline through its rays.
 std::vector<StartCandidate> StartSpline(const CameraModel& model, const StartProblem& problem);

@@ -18,7 +18,7 @@ struct SeenPoints {
 std::optional<Eigen::Vector2d> SeenBy(const double* fisheye, const Eigen::Vector2d& pixel) {
   const auto ray = KannalaBrandt4::Unproject(fisheye, pixel);
   Eigen::Vector2d u;
-  if (!ray || !Stereographic(*ray, &u)) return std::nullopt;
+  if (!ray || !ProjectStereographic(*ray, &u)) return std::nullopt;
   return u;
 }
 
