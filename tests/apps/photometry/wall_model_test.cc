@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Samples of a wall, predictions of its model, and fits on a small camera, by formulas and truth.
+// Samples of a wall, and predictions of its model, by formulas.
 #include "apps/photometry/wall_model.h"
 
 #include <gmock/gmock.h>
@@ -8,99 +8,16 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <numbers>
 #include <opencv2/core.hpp>
-#include <random>
 
-#include "apps/photometry/vignette_fit.h"
 #include "apps/photometry/vignette_splines.h"
 #include "calib/base/error.h"
-#include "models/registry.h"
+#include "tests/apps/photometry/small_wall.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
 
-using Eigen::Vector3d;
-using ::testing::IsEmpty;
-
-constexpr double kPi = std::numbers::pi;
-constexpr int kWidth = 160, kHeight = 28;
-constexpr double kFocal = 110, kCentreX = 78, kCentreY = 14;
-constexpr double kElectrons = 10000;
-
-double TrueAttenuation(double x, double y) {
-  const double u = (x - 70) / 80, v = (y - 16) / 80;
-  return 1 / std::pow(1 + 0.5 * (u * u + v * v), 2);
-}
-double Brightness(const Vector3d& p) {
-  return std::exp(0.25 * std::sin(9 * p.x() + 1) * std::cos(7 * p.y()) +
-                  0.15 * std::sin(23 * p.x() - 17 * p.y()) - 0.1 * p.x());
-}
-
-struct SmallWall {
-  CalibratedCamera camera;
-  WallRecording recording;
-  std::vector<double> errors;  // ln(true / recorded exposure)
-};
-
-struct WallChanges {
-  int views = 18;
-  double noise = 1;    // of 10,000 electrons
-  double shading = 0;  // of light that goes with the camera, along its x
-  int misplaced = -1;
-};
-
-SmallWall MakeSmallWall(const WallChanges& changes = {}) {
-  std::mt19937_64 engine(3);
-  std::normal_distribution<double> normal;
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  SmallWall wall;
-  wall.camera.model = FindModel(CameraModels(), "pinhole-radial3");
-  wall.camera.image_size = {kWidth, kHeight};
-  wall.camera.params = {kFocal, kFocal, kCentreX, kCentreY, 0, 0, 0};
-  for (int i = 0; i < changes.views; ++i) {
-    // Every second one is turned by 90 degrees.
-    const double roll = (i % 2 == 0 ? 0 : kPi / 2) + 0.1 * uniform(engine);
-    RigidTransform T;
-    T.R = (Eigen::AngleAxisd(roll, Vector3d::UnitZ()) *
-           Eigen::AngleAxisd(0.35 * uniform(engine), Vector3d::UnitX()) *
-           Eigen::AngleAxisd(0.35 * uniform(engine), Vector3d::UnitY()))
-              .toRotationMatrix() *
-          Vector3d(1, -1, -1).asDiagonal();
-    T.t = Vector3d(0.15 * uniform(engine), 0.1 * uniform(engine), 0.8 + 0.15 * uniform(engine));
-    const RigidTransform back = T.Inverse();
-    const double exposure = 3 + uniform(engine), error = 0.02 * normal(engine);
-    wall.errors.push_back(error);
-    WallView view{.frame = std::to_string(i),
-                  .exposure = exposure,
-                  .T_camera_wall = T,
-                  .brightness = {},
-                  .light = {}};
-    view.light.create(kHeight, kWidth, CV_32F);
-    view.brightness.create(kHeight, kWidth, CV_32F);
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        const Vector3d ray = back.R * Vector3d((x - kCentreX) / kFocal, (y - kCentreY) / kFocal, 1);
-        const Vector3d p = back.t - back.t.z() / ray.z() * ray;
-        double light = 30 * Brightness(p) * TrueAttenuation(x, y) * exposure * std::exp(error) *
-                       (1 + changes.shading * (x - kCentreX) / kWidth);
-        light += changes.noise * normal(engine) * std::sqrt(light * 255 / kElectrons);
-        view.light.at<float>(y, x) = static_cast<float>(light);
-        view.brightness.at<float>(y, x) = static_cast<float>(std::log(light / exposure));
-      }
-    }
-    if (i == changes.misplaced) view.T_camera_wall.t.x() += 0.06;
-    wall.recording.views.push_back(view);
-  }
-  wall.recording.marker = {-0.05, -0.04, 0.05, 0.04};
-  return wall;
-}
-
-WallRecording Recorded(const SmallWall& wall) {
-  WallRecording recording = wall.recording;
-  recording.camera = &wall.camera;
-  return recording;
-}
+using namespace small_wall;
 
 TEST(WallSamples, AreProjectedIntoTheReducedImage) {
   SmallWall wall = MakeSmallWall({.views = 1});
@@ -390,96 +307,6 @@ TEST(WallModel, HasNormalEquationsWithTheWallEliminated) {
     EXPECT_LT((found.b - b).norm(), 1e-5 * b.norm());
     EXPECT_LT((S * found.Solve() - b).norm(), 1e-5 * b.norm());
   }
-}
-
-VignetteEstimate FitSmall(const WallChanges& changes, int threads = 2) {
-  const SmallWall wall = MakeSmallWall(changes);
-  return FitVignette(Recorded(wall), "here", threads, [](const std::string&) { return true; });
-}
-
-TEST(SmallVignette, IsFoundWithItsGainsAndStandardDeviations) {
-  const SmallWall wall = MakeSmallWall();
-  std::vector<std::string> stages;
-  const VignetteEstimate found =
-      FitVignette(Recorded(wall), "here", 2, [&](const std::string& stage) {
-        return stages.push_back(stage), true;
-      });
-  EXPECT_THAT(stages,
-              ::testing::ElementsAre("wall: points in all images",
-                                     "wall: first rounds",
-                                     "wall: poses by its texture",
-                                     "wall: poses by its texture",
-                                     "wall: poses by its texture",
-                                     "wall: poses by its texture",
-                                     "wall: last rounds",
-                                     "wall: standard deviations"));
-  EXPECT_THAT(found.misplaced, IsEmpty());
-  double mean = 0, squares = 0, chi_square = 0;
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    mean += std::log(found.attenuation.at<float>(i / kWidth, i % kWidth) /
-                     TrueAttenuation(i % kWidth, i / kWidth)) /
-            (kWidth * kHeight);
-  }
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    const double error = std::log(found.attenuation.at<float>(i / kWidth, i % kWidth) /
-                                  TrueAttenuation(i % kWidth, i / kWidth)) -
-                         mean;
-    squares += error * error / (kWidth * kHeight);
-    chi_square +=
-        std::pow(error / found.sigma.at<float>(i / kWidth, i % kWidth), 2) / (kWidth * kHeight);
-  }
-  EXPECT_LT(std::sqrt(squares), 0.004);
-  EXPECT_TRUE(chi_square > 0.2 && chi_square < 4) << chi_square;
-  double mean_error = 0, gains = 0;
-  for (size_t i = 0; i < 18; ++i) mean_error += (std::log(found.gains[i]) - wall.errors[i]) / 18;
-  for (size_t i = 0; i < 18; ++i)
-    gains +=
-        std::pow((std::log(found.gains[i]) - wall.errors[i] - mean_error) / found.gain_sigma[i],
-                 2) /
-        18;
-  EXPECT_TRUE(gains > 0.2 && gains < 4) << gains;
-  EXPECT_NEAR(found.residual, found.expected, 0.15 * found.expected);
-  EXPECT_LT(found.outliers, 0.02);
-  EXPECT_TRUE(found.unevenness > 1 && found.unevenness < 4) << found.unevenness;
-  for (const double residual : found.by_angle) EXPECT_NEAR(residual, 0, 0.003);
-  EXPECT_EQ(found.angle_limits[0], 0);
-  for (size_t i = 1; i < 6; ++i) EXPECT_GT(found.angle_limits[i], found.angle_limits[i - 1]);
-  EXPECT_TRUE(found.shading.tested);
-  EXPECT_GT(found.shading.chance, 1e-3);
-}
-
-TEST(SmallVignette, TellsWhatIsWrongWithTheWall) {
-  const VignetteEstimate shaded = FitSmall({.shading = 0.1, .misplaced = 4});
-  EXPECT_THAT(shaded.misplaced, ::testing::ElementsAre("4"));
-  EXPECT_LT(shaded.shading.chance, 1e-3);
-  EXPECT_GT(shaded.shading.difference, 0.003);
-  SmallWall few = MakeSmallWall({.views = 7});
-  try {
-    FitVignette(Recorded(few), "here", 1, [](const std::string&) { return true; });
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_THAT(
-        error.what(),
-        ::testing::MatchesRegex(
-            "here: the images have only [0-9]+ measurements of points that at least three of them show; move the camera less "
-            "between images, avoid saturation"));
-  }
-  EXPECT_THROW(FitVignette(Recorded(few), "here", 1, [](const std::string&) { return false; }),
-               Stopped);
-  // Views of one roll: tilts are open without exposures, and nothing tests the shading.
-  SmallWall unknown = MakeSmallWall({.noise = 12});
-  std::vector<WallView> upright;
-  for (size_t i = 0; i < 18; i += 2)
-    upright.push_back(unknown.recording.views[i]), upright.push_back(unknown.recording.views[i]);
-  unknown.recording.views = upright;
-  unknown.recording.exposures_known = false;
-  const VignetteEstimate open =
-      FitVignette(Recorded(unknown), "here", 1, [](const std::string&) { return true; });
-  EXPECT_FALSE(open.shading.tested);
-  ASSERT_FALSE(open.open.empty()) << ::testing::PrintToString(open.gain_sigma);
-  EXPECT_EQ(open.open[0].name, "a tilt along x");
-  EXPECT_GT(open.open[0].sigma, 0.005);
 }
 
 }  // namespace TEST_FILE
