@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <random>
 
@@ -220,6 +221,68 @@ TEST_F(FrameExposuresOfAPair, NeedPointsInCommonAndFittingFiles) {
   recording_.cameras.resize(1);
   EXPECT_EQ(Refusal(ErrorKind::kInput),
             "recording.yaml: has one camera; exposures of the cameras of a frame are compared");
+}
+
+TEST_F(FrameExposuresOfAPair, HaveTheScatterOfTheirPointsBehindTheAttenuation) {
+  attenuated_ = true;
+  AddFrame("a", 1);
+  // sigma * root(points) with a picture of 8 bits as attenuation, which is relative to its largest
+  // value.
+  const auto scatter_with = [&](const std::function<double(int)>& value) {
+    cv::Mat picture(kHeight, kWidth, CV_8U);
+    for (int i = 0; i < kWidth * kHeight; ++i)
+      picture.at<std::uint8_t>(i / kWidth, i % kWidth) =
+          static_cast<std::uint8_t>(std::lround(value(i % kWidth)));
+    Write("v.png", EncodeImage(".png", picture));
+    recording_.cameras[1].vignetting = Path("v.png");
+    const FrameExposures found = Compare();
+    EXPECT_EQ(found.images.size(), 1u);
+    EXPECT_FALSE(found.images[0].differs);
+    return found.images[0].sigma * std::sqrt(static_cast<double>(found.images[0].points));
+  };
+  EXPECT_LT(scatter_with([](int x) { return 200 * Attenuation(x); }), 0.03);
+  // Without it logarithms of an attenuation from 0.6 to 1: the median's standard deviation by that
+  // of their distances from it.
+  const double flat = scatter_with([](int) { return 200; });
+  EXPECT_NEAR(flat, 1.2533 * 1.4826 * 0.107, 0.05);
+  // Where there is no light by the attenuation, at least a thousandth counts.
+  EXPECT_NEAR(scatter_with([](int) { return 0; }), flat, 1e-3 * flat);
+}
+
+TEST_F(FrameExposuresOfAPair, AreOfEachFurtherCameraWithTheFirst) {
+  recording_.cameras.resize(3);
+  recording_.cameras[2].name = "third";
+  recording_.cameras[2].image_size = {kWidth, kHeight};
+  for (size_t i = 0; i < 3; ++i) {
+    const std::string name = fmt::format("f{}", i);
+    AddImage(0, name, 20, 1, {});
+    AddImage(2, name, 8, i == 1 ? 1.3 : 1, {});
+    recording_.frames.push_back({name, 0, {i, std::nullopt, i}});
+  }
+  const FrameExposures found = Compare();
+  EXPECT_EQ(found.warnings.size(), 3u);
+  ASSERT_EQ(found.images.size(), 3u);
+  for (size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(found.images[i].camera, "third");
+    EXPECT_NEAR(found.images[i].log_ratio, i == 1 ? std::log(1.3) : 0, 0.005);
+    EXPECT_TRUE(std::isnan(found.images[i].recorded));
+  }
+  ::plenocal::Run run;
+  run.threads = 1;
+  EXPECT_EQ(
+      MeasureExposures(recording_, {}, run),
+      fmt::format(
+          "f1 of third: exposure {:+.1f} % +- {:.1f} % from the usual ratio to the first camera's, by {} "
+          "points\nexposures differ in 1 of 3 images\n",
+          100 * std::expm1(found.images[1].log_ratio),
+          100 * found.images[1].sigma,
+          found.images[1].points));
+  // Images that cannot be read are left out with their reason.
+  Write("left_f0.png", "no image");
+  const FrameExposures torn = Compare();
+  ASSERT_EQ(torn.left_out.size(), 1u);
+  EXPECT_EQ(torn.left_out[0].where, "third: f0");
+  EXPECT_THAT(torn.left_out[0].reason, HasSubstr("left_f0.png"));
 }
 
 TEST(RelativeExposure, IsTheRecordedOneUnlessItDiffers) {

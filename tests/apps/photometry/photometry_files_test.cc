@@ -373,7 +373,7 @@ ResponseEstimate SmallResponse() {
   estimate.sigma[3] = kNaN;
   estimate.sigma[100] = 0.51;
   for (size_t k = 0; k < 256; ++k) estimate.count[k] = k;
-  estimate.noise = {.gain = 0.0255, .read = 0.2};
+  estimate.noise = {.gain = 0.0255, .read = 0.7};
   estimate.exposure_sigma = 0.0123;
   estimate.exposure_errors = {0.001, -0.001, 0.001, -0.001, 0.001, -0.001, 0.001};
   estimate.rms = 0.6;
@@ -436,7 +436,7 @@ TEST(ResponseFiles, AreTablesTextsAndPages) {
   EXPECT_EQ(ResponseSummary(estimate, "left"),
             "left: response from 980 pixels at 7 exposures\n"
             "  grey values 6 to 250 measured, sigma up to 0.200 % of full scale\n"
-            "  noise of a pixel: full at 10000 electrons, read noise 0.078 % of full scale\n"
+            "  noise of a pixel: full at 10000 electrons, read noise 0.275 % of full scale\n"
             "  single exposures are wrong by 1.23 %\n");
   ResponseEstimate silent = estimate;
   silent.noise.gain = 0;
@@ -458,7 +458,7 @@ TEST(ResponseFiles, AreTablesTextsAndPages) {
   EXPECT_EQ(r["sigma"][100], 0.51);
   EXPECT_EQ(r["count"][7], 7);
   EXPECT_EQ(r["gain"], 0.0255);
-  EXPECT_EQ(r["read"], 0.2);
+  EXPECT_EQ(r["read"], 0.7);
   EXPECT_EQ(r["rms"], 0.6);
   EXPECT_EQ(r["pixels"], 980);
   EXPECT_EQ(r["moving"], 20);
@@ -504,15 +504,15 @@ TEST_F(RecordedExposures, AreSampledEvenlyAndMarkedBesideSaturatedPixels) {
   }
   cv::Mat full = image.clone();
   full.at<std::uint8_t>(101, 201) = 255;
-  Add("a", image, 1);
   Add("b", full, 2);
+  Add("a", image, 1);
   Add("c", image, 4.1);
   Add("d", full, 1.9);
   const ExposureSweep sweep = Read(2);
-  EXPECT_THAT(sweep.frames, ElementsAre("a", "b", "c", "d"));
-  EXPECT_THAT(sweep.exposures, ElementsAre(1, 2, 4.1, 1.9));
-  ASSERT_EQ(sweep.grey[1].size(), 300u * 200);
-  EXPECT_EQ(sweep.grey[0][300 * 10 + 20], (3 * 41 + 7 * 21) % 251);
+  EXPECT_THAT(sweep.frames, ElementsAre("b", "a", "c", "d"));
+  EXPECT_THAT(sweep.exposures, ElementsAre(2, 1, 4.1, 1.9));
+  ASSERT_EQ(sweep.grey[0].size(), 300u * 200);
+  EXPECT_EQ(sweep.grey[1][300 * 10 + 20], (3 * 41 + 7 * 21) % 251);
   // Near: two pixels around, but not the pixel itself. Charge is that of the longest exposure of at
   // most half.
   const auto marked = [&](size_t i) {

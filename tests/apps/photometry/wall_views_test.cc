@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Poses and light of pictures of a wall with a chessboard.
+// Poses and light of pictures of a wall with a chessboard, and a recording of too few of them.
 #include "apps/photometry/wall_views.h"
 
 #include <fmt/format.h>
@@ -10,6 +10,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "apps/photometry/recorded_vignette.h"
 #include "calib/base/error.h"
 #include "calib/base/run.h"
 #include "detectors/images/image.h"
@@ -248,6 +249,60 @@ TEST_F(WallViews, AreRefusedForAnotherSizeOrATargetThatIsNotFlat) {
   EXPECT_THAT(Refusal(ErrorKind::kJob),
               ::testing::HasSubstr(
                   "found in 0 of 1 image (first failure: the marker gives no pose); the wall"));
+}
+
+class VignetteOfARecording : public WallViews {
+ protected:
+  VignetteOfARecording() {
+    std::filesystem::create_directory(Path("left"));
+    for (int i = 0; i < 2; ++i) Add(fmt::format("left/f{}", i), Picture(Pose(i)), {});
+    Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 5\nrows: 4\nsquare: 0.1\n");
+    Write("calibration.yaml",
+          "plenocal: 1\ncameras:\n  left:\n    model: pinhole-radial3\n    image_size: [260, 180]\n"
+          "    parameters: {f_x: 240, f_y: 240, c_x: 129.5, c_y: 89.5, A_0: 0, A_1: 0, A_2: 0}\n");
+    Write("recording.yaml", "plenocal: 1\ncameras: {left: {images: left}}\n");
+    request_ = {.recording = Path("recording.yaml"),
+                .camera = {},
+                .calibration = Path("calibration.yaml"),
+                .response = {},
+                .target = Path("target.yaml"),
+                .white = {},
+                .out = Path("out")};
+    run_.threads = 1;
+    run_.listener.progress = [&](const std::string& stage, size_t done, size_t total) {
+      steps_.push_back(fmt::format("{} {}/{}", stage, done, total));
+    };
+  }
+  std::string RefusalOfRun(ErrorKind kind) {
+    try {
+      MeasureVignette(request_, run_);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), kind);
+      return error.what();
+    }
+    return "no refusal";
+  }
+
+  VignetteRequest request_;
+  ::plenocal::Run run_;
+};
+
+TEST_F(VignetteOfARecording, NeedsTenImagesOfTheMarker) {
+  const std::string path = Path("recording.yaml").string();
+  EXPECT_EQ(
+      RefusalOfRun(ErrorKind::kJob),
+      path +
+          ": camera left: the marker was found in 2 of 2 images; the wall must show the target of --target in every "
+          "image, sharp and whole: at least 10 images");
+  EXPECT_THAT(steps_, ElementsAre("read " + path + " 0/0", "left: images 1/2", "left: images 2/2"));
+  EXPECT_FALSE(std::filesystem::exists(Path("out")));
+  request_.camera = "right";
+  EXPECT_EQ(RefusalOfRun(ErrorKind::kInput), path + ": has no camera 'right'");
+  request_.camera = "left";
+  request_.response = Path("none.txt");
+  EXPECT_THAT(RefusalOfRun(ErrorKind::kInput), ::testing::HasSubstr("none.txt"));
+  request_.target = Path("none.yaml");
+  EXPECT_THAT(RefusalOfRun(ErrorKind::kInput), ::testing::HasSubstr("none.yaml"));
 }
 
 }  // namespace TEST_FILE

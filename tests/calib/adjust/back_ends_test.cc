@@ -99,6 +99,7 @@ void AddTarget(Bundle* bundle) {
   RigidTransform pose;
   pose.t = {0.1, 0.2, 0.05};
   bundle->targets.push_back({.name = "second", .T_target_own = pose, .is_fixed = false});
+  bundle->targets.push_back({.name = "third", .T_target_own = {}, .is_fixed = true});
   for (size_t m = 0; m < bundle->markers.size() / 2; ++m) bundle->markers[m].target = 1;
   pose.t.x() += 0.002;
   MoveTarget(1, pose, bundle);
@@ -168,9 +169,10 @@ void AddParamPriors(Bundle* bundle) {
   }
 }
 
-// The optimum lies on two bounds; a third is far off.
+// The optimum lies on three bounds; a fourth is far off.
 void AddBounds(Bundle* bundle) {
   for (BundleCamera& camera : bundle->cameras) camera.rules.resize(camera.params.size());
+  bundle->cameras[0].rules[0].upper = bundle->cameras[0].params[0] - 1;
   bundle->cameras[0].rules[2].lower = bundle->cameras[0].params[2] + 2;
   bundle->cameras[1].rules[0].upper = bundle->cameras[1].params[0] - 1;
   bundle->cameras[1].rules[1].lower = 1;

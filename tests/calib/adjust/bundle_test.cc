@@ -269,20 +269,21 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   const SyntheticProblem problem = Stereo(0.3);
   Bundle bundle = TrueBundle(problem);
   constexpr size_t kFrame = 3;
-  // Motion and jitter of the view, a time shift and a shared error.
+  // Motion and jitter of the view, a time shift and shared errors.
   bundle.motion.resize(bundle.T_rig_target.size() * 2);
   bundle.jitter.delta.assign(bundle.motion.size(), Vector6d::Zero());
   const size_t view = bundle.View(kFrame, 1);
   bundle.motion[view].at_zero_shift << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;
   bundle.motion[view].velocity << 0.3, -0.2, 0.1, 0.5, 0.4, -0.6;
   bundle.jitter.delta[view] << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
+  AddNuisance(nuisances::kSharedError, 1, &bundle.cameras[1]);
   AddNuisance(nuisances::kTimeShift, 1, &bundle.cameras[1]);
   AddNuisance(nuisances::kSharedError, 1, &bundle.cameras[1]);
   for (BundleObservation& observation : bundle.observations) {
     if (observation.camera != 1 || observation.frame != kFrame || observation.marker % 10 != 0) {
       continue;
     }
-    observation.by_nuisance = {0.3, -0.2};
+    observation.by_nuisance = {0.3, 0.1, -0.2, 0.4};
     const auto n = static_cast<Eigen::Index>(bundle.cameras[1].params.size());
     // The bundle after a step of all unknowns: parameters, extrinsics, pose, jitter, marker.
     const auto linearise = [&](const Eigen::VectorXd& step, internal::LinearisedRows rows) {

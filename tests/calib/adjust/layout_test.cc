@@ -154,6 +154,27 @@ TEST(UnknownLayout, MovesEachUnknownInItsChart) {
   }
 }
 
+TEST(UnknownLayout, MovesScalesThatComeFirst) {
+  Bundle bundle = TrueBundle(MakeProblem(3, {.cameras = 1, .frames = 1}));
+  bundle.cameras[0].fixed.assign(7, true);
+  bundle.marker_freedom = MarkerFreedom::Held();
+  bundle.scales = {{.axes = Eigen::Vector3d::UnitX()}, {.axes = Eigen::Vector3d::UnitY()}};
+  const UnknownLayout layout = MakeLayout(bundle);
+  ASSERT_EQ(layout.scales, 0);
+  ASSERT_EQ(layout.head, 2);
+  const Bundle before = bundle;
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(layout.total);
+  step.head<2>() << 0.01, -0.02;
+  Move(layout, step, &bundle);
+  EXPECT_EQ(bundle.scales[0].value, 0.01);
+  EXPECT_EQ(bundle.scales[1].value, -0.02);
+  for (size_t m = 0; m < bundle.markers.size(); ++m) {
+    const Eigen::Vector3d expected =
+        Eigen::Vector3d(1.01, 0.98, 1).cwiseProduct(before.markers[m].position);
+    EXPECT_LT((bundle.markers[m].position - expected).norm(), 1e-12) << m;
+  }
+}
+
 TEST(SetAtBounds, FindsParametersAtABoundButForRounding) {
   Bundle bundle = Session();
   BundleCamera& first = bundle.cameras[0];

@@ -75,6 +75,16 @@ TEST_F(Trajectory, LeavesTheEquationsOfTheOtherUnknowns) {
   EXPECT_LT((S_.row(kCommon).head(kCommon).transpose() - gradient).norm(), 1e-10 * gradient.norm());
 }
 
+TEST_F(Trajectory, HasRowsOfWhatTheEliminationTakesAway) {
+  const Eigen::Index states = 6 * kStates;
+  const Eigen::MatrixXd W = states_.RowsOfColumns(1, 3);
+  ASSERT_EQ(W.rows(), 3);
+  EXPECT_EQ(W.cols(), states);
+  const Eigen::MatrixXd B = whole_.block(states + 1, 0, 3, states);
+  const Eigen::MatrixXd taken = B * whole_.topLeftCorner(states, states).inverse() * B.transpose();
+  EXPECT_LT((W * W.transpose() - taken).norm(), 1e-10 * taken.norm());
+}
+
 TEST_F(Trajectory, StepsToTheOptimum) {
   const Eigen::VectorXd expected = -whole_.inverse() * gradient_;
   const std::vector<Vector6d> steps = states_.Steps(expected.tail(kCommon), 1);
