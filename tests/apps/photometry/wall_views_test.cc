@@ -259,7 +259,8 @@ class VignetteOfARecording : public WallViews {
     Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 5\nrows: 4\nsquare: 0.1\n");
     Write("calibration.yaml",
           "plenocal: 1\ncameras:\n  left:\n    model: pinhole-radial3\n    image_size: [260, 180]\n"
-          "    parameters: {f_x: 240, f_y: 240, c_x: 129.5, c_y: 89.5, A_0: 0, A_1: 0, A_2: 0}\n");
+          "    parameters: {f_x: 240, f_y: 240, c_x: 129.5, c_y: 89.5, A_0: 0, A_1: 0, A_2: 0}\n"
+          "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
     Write("recording.yaml", "plenocal: 1\ncameras: {left: {images: left}}\n");
     request_ = {.recording = Path("recording.yaml"),
                 .camera = {},
@@ -297,7 +298,7 @@ TEST_F(VignetteOfARecording, NeedsTenImagesOfTheMarker) {
   EXPECT_THAT(steps_, ElementsAre("read " + path + " 0/0", "left: images 1/2", "left: images 2/2"));
   EXPECT_FALSE(std::filesystem::exists(Path("out")));
   request_.camera = "right";
-  EXPECT_EQ(RefusalOfRun(ErrorKind::kInput), path + ": has no camera 'right'");
+  EXPECT_EQ(RefusalOfRun(ErrorKind::kInput), path + ": has no camera 'right'; known: left");
   request_.camera = "left";
   request_.response = Path("none.txt");
   EXPECT_THAT(RefusalOfRun(ErrorKind::kInput), ::testing::HasSubstr("none.txt"));
