@@ -465,5 +465,91 @@ TEST(VignetteSplines, HaveTheCovarianceOfBlocksAndPixels) {
   EXPECT_LT(cv::norm(found, sigma, cv::NORM_INF), 1e-6);
 }
 
+// Between no pixels: the variance of one.
+double LogVariance(const WallModel& model, double light) { return model.Noise({}, light); }
+
+TEST(WallModel, EstimatesNoiseAsALineOverTheLight) {
+  const SmallWall wall = MakeSmallWall({.views = 12, .noise = 2});
+  WallModel model(Recorded(wall), "here", 2), before(Recorded(wall), "here", 1);
+  before.EstimateWall();
+  std::map<int, Eigen::Array3d> bins;
+  for (const auto& [cell, s, at] : AllSamples(before)) {
+    bins.try_emplace(static_cast<int>(at.light / 4), Eigen::Array3d::Zero()).first->second +=
+        Eigen::Array3d(
+            1, at.light, at.residual * at.residual / (before.Noise(s, at.light) * at.freedom));
+  }
+  Eigen::Matrix2d N = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d b = Eigen::Vector2d::Zero();
+  for (const auto& [bin, sums] : bins) {
+    if (sums[0] < 100) continue;
+    const double u = sums[1] / sums[0], assumed = 0.0255 * u + 1.0 / 12;
+    const double weight = sums[0] / (assumed * assumed);
+    const Eigen::Vector2d J(u, 1);
+    N += weight * J * J.transpose();
+    b += weight * J * (assumed * sums[2] / sums[0] - 1.0 / 12);
+  }
+  const Eigen::Vector2d line = N.inverse() * b;
+  const bool both = line[0] > 0 && line[1] > 0;
+  const double gain = both ? line[0] : b[0] / N(0, 0), read = std::max(line[1], 0.0);
+  model.EstimateNoise();
+  for (const double light : {60.125, 200.125}) {
+    EXPECT_NEAR(
+        LogVariance(model, light) * light * light / (gain * light + read + 1.0 / 12), 1, 1e-5);
+  }
+  // Light beyond the table has the variance of its end.
+  EXPECT_EQ(LogVariance(model, 300), LogVariance(model, 255.9));
+}
+
+TEST(WallModel, RefinesPosesByTheTextureNearThoseOfTheMarker) {
+  SmallWall wall = MakeSmallWall({.views = 12});
+  Vector6d off;
+  off << 0.001, -0.002, 0.001, 0.001, 0.002, -0.002;
+  RigidTransform& moved = wall.recording.views[5].T_camera_wall;
+  moved = Retract(moved, off);
+  const WallRecording recording = Recorded(wall);
+  WallModel model(recording, "here", 2);
+  cv::Mat v(kHeight, kWidth, CV_32F);
+  for (int i = 0; i < kWidth * kHeight; ++i)
+    v.at<float>(i / kWidth, i % kWidth) = static_cast<float>(-0.001 * (i % kWidth));
+  model.SetAttenuation(v);
+  model.ChangeGains(Eigen::VectorXd::LinSpaced(12, -0.02, 0.03));
+  model.EstimateWall();
+  const WallProjector projector(recording);
+  const WallView& view = recording.views[5];
+  Matrix6d N = 1e6 * Matrix6d::Identity();  // 1 mm, 1 mrad
+  Vector6d b = Vector6d::Zero();
+  for (int row = 0; row < model.Grid().rows; row += 3) {
+    for (int column = 0; column < model.Grid().columns; column += 3) {
+      const double c = model.Brightness()[static_cast<size_t>(row)][static_cast<size_t>(column)];
+      const Vector3d point = model.Grid().At(column, row);
+      WallProjection seen;
+      if (std::isnan(c) || !projector(view, point, &seen)) continue;
+      const auto at = [&](double dx, double dy) -> double {
+        return Interpolate(view.brightness, seen.x + dx, seen.y + dy);
+      };
+      const double residual = at(0, 0) - model.Gains()[5] - Interpolate(v, seen.x, seen.y) - c;
+      const Eigen::Vector2d gradient(at(0.5, 0) - at(-0.5, 0), at(0, 0.5) - at(0, -0.5));
+      if (!std::isfinite(residual + gradient.sum())) continue;
+      Vector6d J;
+      for (int k = 0; k < 6; ++k) {
+        const auto place = [&](double step) {
+          const Vector3d p = Retract(view.T_camera_wall, step * Vector6d::Unit(k)) * point;
+          return Eigen::Vector2d(kFocal * p.x() / p.z(), kFocal * p.y() / p.z());
+        };
+        J[k] = gradient.dot(place(1e-6) - place(-1e-6)) / 2e-6;
+      }
+      const double variance = LogVariance(model, Interpolate(view.light, seen.x, seen.y));
+      const double weight = 1 / (variance * (1 + residual * residual / (2.385 * 2.385 * variance)));
+      N += weight * J * J.transpose();
+      b -= weight * residual * J;
+    }
+  }
+  const Vector6d step = N.inverse() * b;
+  model.RefinePoses();
+  const RigidTransform& refined = model.Wall().views[5].T_camera_wall;
+  EXPECT_LT((LocalCoordinates(view.T_camera_wall, refined) - step).norm(), 1e-4 * step.norm());
+  EXPECT_GT(step.norm(), 1e-3);
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
