@@ -283,6 +283,10 @@ TEST_F(FrameExposuresOfAPair, AreOfEachFurtherCameraWithTheFirst) {
   ASSERT_EQ(torn.left_out.size(), 1u);
   EXPECT_EQ(torn.left_out[0].where, "third: f0");
   EXPECT_THAT(torn.left_out[0].reason, HasSubstr("left_f0.png"));
+  std::vector<std::string> messages;
+  run.listener.message = [&](const std::string& text) { messages.push_back(text); };
+  MeasureExposures(recording_, {}, run);
+  EXPECT_THAT(messages, ElementsAre("  left out third: f0: " + torn.left_out[0].reason));
 }
 
 TEST(RelativeExposure, IsTheRecordedOneUnlessItDiffers) {
