@@ -531,8 +531,6 @@ TEST(SmallResponse, IsThatOfTheSensorWithItsExposuresAndNoise) {
   EXPECT_EQ(found.moving + found.pixels, 700u);
   EXPECT_NEAR(static_cast<double>(found.moving), 14, 3);
   EXPECT_EQ(std::accumulate(found.count.begin(), found.count.end(), size_t{0}), 26 * found.pixels);
-  double mean = 0;
-  for (size_t i = 0; i < 26; ++i) mean += found.exposure_errors[i] / 26;
   for (size_t i = 5; i < 20; ++i) {
     EXPECT_NEAR(found.exposure_errors[i], 0.01 * std::sin(1.7 * static_cast<double>(i)), 0.006)
         << i;
