@@ -8,11 +8,12 @@
 #include <gmock/gmock.h>
 
 #include <map>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 
 #include "calib/base/error.h"
 #include "engine/scene/track/follow_points.h"
 #include "models/registry.h"
+#include "tests/engine/scene/texture.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -32,17 +33,6 @@ BundleCamera Camera(const std::string& name, double x) {
                       .T_camera_rig = {Eigen::Matrix3d::Identity(), {-x, 0, 0}}};
   camera.is_master = true;
   return camera;
-}
-
-cv::Mat Texture(unsigned seed, int width, int height, double sigma) {
-  cv::RNG random(seed);
-  cv::Mat texture(height, width, CV_32F);
-  random.fill(texture, cv::RNG::NORMAL, 0, 1);
-  cv::GaussianBlur(texture, texture, {}, sigma);
-  texture = 128 + texture * (40 * 2 * sigma);
-  cv::Mat grey;
-  texture.convertTo(grey, CV_8U);
-  return grey;
 }
 
 // What the second camera shows of the first one's place (160, 60) when all is `disparity` px to the
