@@ -30,16 +30,17 @@ struct FoundInImage {
   std::string why = {};                    ///< there are no points
   std::vector<std::string> left_out = {};  ///< markers, with reasons
   double saturated = 0;
+  int orientation = 1;
 };
 
 /// The part of an entry of the cache that tests state (detectors/images/detect_images.cc).
 template <MaybeConst<FoundInImage> T>
 auto EntryMembers(T& found) {
-  static const int orientation = 1, layout_evidence = 0;
+  static const int layout_evidence = 0;
   static const std::vector<int> none;
   static const std::string levels, layout;
   return std::tie(found.size,
-                  orientation,
+                  found.orientation,
                   found.blur,
                   found.saturated,
                   levels,
@@ -81,15 +82,18 @@ class EarlierDetections {
  public:
   /// The images of one camera.
   std::vector<FrameImage> Images(const std::string& camera,
-                                 const std::vector<std::pair<std::string, FoundInImage>>& found) {
+                                 const std::vector<std::pair<std::string, FoundInImage>>& found,
+                                 const std::set<std::size_t>& unreadable = {}) {
     const auto store = std::make_shared<NumberedImages>();
     store->name = camera;
     if (!found.empty()) store->size = found[0].second.size;
+    store->unreadable = unreadable;
     std::vector<FrameImage> images;
     for (const auto& [frame, in_image] : found) {
       const std::size_t index = images.size();
       images.push_back(
           {.frame = frame, .path = camera + "/" + frame, .store = store, .index = index});
+      if (unreadable.contains(index)) continue;
       cache.Save(cache.Key({"markers", "plain", store->Hash(index)}), PackEntry(in_image));
     }
     return images;
