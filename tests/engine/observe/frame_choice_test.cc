@@ -189,7 +189,7 @@ TEST(FrameChoice, OfFramesThatFollowEachOtherTakesTheOneAtRest) {
   Frames frames;
   for (size_t k = 0; k < kCount; ++k) {
     if (k > 0) x.push_back(x.back() + random.Uniform(1, 20));
-    blur.push_back(k % 7 == 3 ? 0 : random.Uniform(0.2, 4));
+    blur.push_back(k % 3 == 1 ? 0 : random.Uniform(0.2, 4));
     std::vector<Observation> points = Ring(x[k], 0);
     // Frames 20 and 21 have no points in common with others.
     for (Observation& point : points) point.marker += k == 20 ? 50 : k == 21 ? 80 : 0;
@@ -315,7 +315,14 @@ TEST(FrameChoice, ByCoverageTakesTheMostDifferent) {
   const auto at = [](const char* name, double x, bool twice = false) {
     return std::pair(std::string(name), In(Ring(x, 0, twice)));
   };
-  const Frames frames{at("near", 90), at("end", 100), at("most", 0, true), at("middle", 40)};
+  Frames frames{at("near", 90), at("end", 100), at("most", 0, true), at("middle", 40)};
+  // Six points are enough; those of a hexagon spread as those of an octagon do.
+  std::vector<Observation>& six = frames[0].second.points;
+  six.resize(6);
+  for (size_t k = 0; k < 6; ++k) {
+    const double angle = static_cast<double>(k) * std::acos(0.5);
+    six[k] = PointAt(1000 + static_cast<int>(k), 90 + 100 * std::cos(angle), 100 * std::sin(angle));
+  }
   const auto chosen = [&](size_t count) { return Chosen(Choose(SessionOf(1, count), {frames})); };
   EXPECT_THAT(chosen(1), ElementsAre("most"));
   EXPECT_THAT(chosen(2), ElementsAre("end", "most"));
@@ -328,6 +335,8 @@ TEST(FrameChoice, ByCoverageTakesTheMostDifferent) {
   // The first of two with as many points.
   EXPECT_THAT(Chosen(Choose(SessionOf(1, 1), {{at("a", 0), at("b", 5), at("c", 9)}})),
               ElementsAre("a"));
+  // All are different frames where none looks different.
+  EXPECT_THAT(Chosen(Choose(SessionOf(1, 2), {{at("a", 0), at("b", 0), at("c", 0)}})), SizeIs(2));
 }
 
 // Views of a board by a pair; the left camera misses some frames, and has few points in others.
@@ -350,7 +359,8 @@ class FrameInformation : public ::testing::Test {
                                          320 + 500 * p.x() / p.z() + random.Gaussian(0.1),
                                          240 + 500 * p.y() / p.z() + random.Gaussian(0.1)));
         }
-        if (c == 0 && frame % 5 == 1) found.points.resize(5);
+        // Six are enough.
+        if (c == 0 && frame % 5 == 1) found.points.resize(frame == 6 ? 6 : 5);
         found_[c].emplace_back(fmt::format("{:02}", frame), std::move(found));
       }
     }

@@ -32,14 +32,16 @@ TEST(LeftOutLines, GroupReasonsThatDifferInNumbersAlone) {
       {.where = "e.png", .reason = "no target"},
       {.where = "f.png marker 1", .reason = "corner : hidden"},
       {.where = "g.png", .reason = "7 twice"},
-      {.where = "g.png", .reason = "8 twice"}};
+      {.where = "g.png", .reason = "8 twice"},
+      {.where = "h.png", .reason = "8 times"}};
   EXPECT_THAT(
       GroupedByReason(items),
       ElementsAre("left out 3 times in 2 images, the first a.png marker 7: corner 12: hidden",
                   "left out 2 images, the first b.png: no target",
                   "left out e.png: no target",
                   "left out f.png marker 1: corner : hidden",
-                  "left out 2 times in 1 image, the first g.png: 7 twice"));
+                  "left out 2 times in 1 image, the first g.png: 7 twice",
+                  "left out h.png: 8 times"));
   EXPECT_THAT(GroupedByReason({}), IsEmpty());
   std::vector<std::string> messages;
   plenocal::Run run;
@@ -54,9 +56,10 @@ TEST(LeftOutTable, QuotesPlacesAndReasons) {
                          .camera = "l,r",
                          .frame = "1",
                          .marker = "7"},
-                        {.where = "b", .reason = "x"}}),
+                        {.where = "b", .reason = "x"},
+                        {.where = "\"c", .reason = "\"\"y"}}),
             "camera,frame,marker,where,reason\n\"l,r\",1,7,\"a.png\",\"is \"\"black\"\"\"\n"
-            ",,,\"b\",\"x\"\n");
+            ",,,\"b\",\"x\"\n,,,\"\"\"c\",\"\"\"\"\"y\"\n");
 }
 
 MemoryCamera Small(const std::string& name) {
