@@ -167,9 +167,22 @@ TEST(AcceptLengths, FilesThatDoNotFitAreRefused) {
   EXPECT_THAT(refused(limit + "lines: [{name: a, bars: [{between: [0, tug 1], length: 1}]}]\n"),
               ::testing::EndsWith("'tug 1' is no point: expected its number, 'tag ID' or 'tag ID "
                                   "corner 0' to 3"));
-  for (const char* wrong : {"more: 1\n", "temperature: {bar: 1}\n"}) {
-    EXPECT_THAT(refused(limit + lines + wrong), ::testing::StartsWith("input: :"));
+  const std::string bar = "between: [0, 1], length: 1";
+  for (const std::string& wrong :
+       {limit + lines + "wrong: 1\n",
+        limit + lines + "temperature: {bar: 1, calibrated: 2, expansion: 1e-6, wrong: 1}\n",
+        "plenocal: 1\nlimit: {constant: 1 mm, wrong: 2 mm}\n" + lines,
+        limit + "lines: [{name: a, wrong: 1, bars: [{" + bar + "}]}]\n",
+        limit + "lines: [{name: a, bars: [{wrong: 1, " + bar + "}]}]\n"}) {
+    EXPECT_THAT(refused(wrong), ::testing::EndsWith("wrong: unknown key")) << wrong;
   }
+  const std::string temperature = limit + lines + "temperature: ";
+  EXPECT_THAT(refused(temperature + "{calibrated: 20, expansion: 1e-6}\n"),
+              ::testing::HasSubstr("bar: 23.5"));
+  EXPECT_THAT(refused(temperature + "{bar: 20, expansion: 1e-6}\n"),
+              ::testing::HasSubstr("calibrated: 20"));
+  EXPECT_THAT(refused(temperature + "{bar: 20, calibrated: 20}\n"),
+              ::testing::HasSubstr("expansion: 1.2e-6"));
   EXPECT_THAT(refused(limit), ::testing::HasSubstr("between: [tag 3, tag 7], length: 499.962 mm"));
 }
 

@@ -9,6 +9,7 @@
 
 #include "calib/files/calibration_file.h"
 #include "calib/files/detections.h"
+#include "calib/files/session.h"
 #include "detectors/images/image.h"
 #include "tests/engine/rigs/parallel_pair.h"
 #include "tests/temporary_folder.h"
@@ -46,6 +47,78 @@ TEST(TriangulateTables, HaveThePointsOfTheirCameras) {
   }
   request.files[1].first = "up";
   EXPECT_THAT(Refusal([&] { TriangulatePoints(request, {}); }), ::testing::HasSubstr("up"));
+}
+
+class TriangulateSessions : public ::testing::Test {
+ protected:
+  TriangulateSessions() {
+    WriteCalibration(folder_, record_);
+    for (const SeenPoints& each : SeenByPair(record_, points_)) {
+      folder_.Write(each.camera + ".csv", DetectionsCsv(each.views, *record_.cameras[0].model));
+    }
+    request_.calibration = folder_ / "calibration.yaml";
+  }
+
+  // Of a board with four points.
+  [[nodiscard]] Session Read(const std::string& keys = "target: chessboard:2x2:200mm\n",
+                             const std::string& right = "pinhole",
+                             const std::string& name = "right") const {
+    return ParseSession(
+        fmt::format("plenocal: 1\n{}cameras:\n  left: {{model: pinhole, detections: left.csv, "
+                    "image_size: [640, 480]}}\n  {}: {{model: {}, detections: right.csv, "
+                    "image_size: [640, 480]{}}}\n",
+                    keys,
+                    name,
+                    right,
+                    right == "pinhole" ? "" : ", pixel_size: 5e-6"),
+        folder_ / "s.yaml",
+        CameraModels());
+  }
+
+  std::string Refused(const Session& session) {
+    std::string why = Refusal([&] { TriangulatePoints(session, request_, {}); });
+    const std::string path = (folder_ / "").string();
+    for (size_t at = why.find(path); at != std::string::npos; at = why.find(path)) {
+      why.erase(at, path.size());
+    }
+    return why;
+  }
+
+  TemporaryFolder folder_;
+  const CalibrationRecord record_ = ParallelCameras(1e-6);
+  const std::vector<Eigen::Vector3d> points_{
+      {0, 0.1, 2}, {0.2, 0.1, 2}, {0, 0.3, 2}, {0.2, 0.3, 2.1}};
+  TriangulateRequest request_;
+};
+
+TEST_F(TriangulateSessions, HaveThePointsOfTheirObservations) {
+  request_.out = folder_ / "out";
+  request_.lengths = {{{.name = "0", .points = {0}}, {.name = "1", .points = {1}}}};
+  const Triangulation made = TriangulatePoints(Read(), request_, {});
+  EXPECT_THAT(made.cameras, ElementsAre("left", "right"));
+  ASSERT_EQ(made.points.size(), 4U);
+  for (size_t k = 0; k < 4; ++k) {
+    EXPECT_LT((made.points[k].point.position - points_[k]).norm(), 1e-4);
+  }
+  EXPECT_THAT(folder_.Read("out/points.csv"), ::testing::HasSubstr("f1,3,"));
+  request_.out.clear();
+  request_.lengths.clear();
+  EXPECT_EQ(TriangulatePoints(Read(), request_, {}).points.size(), 4U);
+}
+
+TEST_F(TriangulateSessions, FitTheCalibration) {
+  EXPECT_EQ(Refused(Read("target: chessboard:2x2:200mm\n", "focused-plenoptic")),
+            "input: s.yaml: camera 'right' is plenoptic, but not so in calibration.yaml");
+  EXPECT_THAT(Refused(Read("target: chessboard:2x2:200mm\n", "pinhole", "up")),
+              ::testing::HasSubstr("'up'"));
+  EXPECT_EQ(Refused(Read("scene: {}\n")),
+            "input: s.yaml: has a scene in place of a target; give a target whose markers are "
+            "found");
+  for (auto* const sets : {&request_.lengths, &request_.angles, &request_.planes}) {
+    sets->assign(1, {{.name = "marker 3", .points = {3}}, {.name = "marker 4", .points = {4}}});
+    EXPECT_EQ(Refused(Read()), "input: s.yaml: the target has no marker 4");
+    sets->clear();
+  }
 }
 
 // One texture, 24 px farther left in the right image.
