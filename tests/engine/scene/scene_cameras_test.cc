@@ -17,7 +17,7 @@ namespace plenocal::testing {
 namespace TEST_FILE {
 
 constexpr double kFocal = 500, kNoise = 0.05;  // px
-constexpr int kPoints = 24, kFrames = 4;
+constexpr int kPoints = 24, kFrames = 3;       // the fewest
 const std::vector<double> kPlenoptic{0.016, 0.0155, 0.0005, 500, 500, 0, 0, 0, 0};
 
 // A scene of 0.4 m, seen from 0.6 m.
@@ -118,19 +118,18 @@ const RigidTransform kRight{ExpRotation({0.01, 0.1, -0.02}), {-0.1, 0.01, 0.02}}
 const RigidTransform kThird{ExpRotation({-0.02, 0.05, 0.03}), {0.08, -0.02, 0.01}};
 
 TEST(SceneCameras, OfUnknownFocalLengthTakeTheOneThatFits) {
-  for (const double focal : {420.0, 1250.0}) {
-    MadeScene made;
-    CameraInput& camera = made.Add("pinhole", {}, {focal, focal, 500, 500}, true, {});
-    camera.initial[0].reset();
-    camera.initial[1].reset();
-    camera.fixed[0] = camera.fixed[1] = false;
-    const Calibration found = made.Calibrate();
-    EXPECT_NEAR(found.bundle.cameras[0].params[0] / focal, 1, 0.02);
-    EXPECT_NEAR(found.bundle.cameras[0].params[1] / focal, 1, 0.02);
-    EXPECT_EQ(found.bundle.cameras[0].params[2], 500);
-    EXPECT_EQ(found.frames.size(), static_cast<size_t>(kFrames));
-    made.ExpectShape(found, 0.02);
-  }
+  constexpr double kTrue = 950;
+  MadeScene made;
+  CameraInput& camera = made.Add("pinhole", {}, {kTrue, kTrue, 500, 500}, true, {});
+  camera.initial[0].reset();
+  camera.initial[1].reset();
+  camera.fixed[0] = camera.fixed[1] = false;
+  const Calibration found = made.Calibrate();
+  EXPECT_NEAR(found.bundle.cameras[0].params[0] / kTrue, 1, 0.02);
+  EXPECT_NEAR(found.bundle.cameras[0].params[1] / kTrue, 1, 0.02);
+  EXPECT_EQ(found.bundle.cameras[0].params[2], 500);
+  EXPECT_EQ(found.frames.size(), static_cast<size_t>(kFrames));
+  made.ExpectShape(found, 0.02);
 }
 
 TEST(SceneCameras, OfAKnownPairHaveTheirExtrinsicsInThePoints) {
