@@ -67,6 +67,8 @@ TEST(EpipolarSearch, FindsThePlaceByItsDisparity) {
 TEST(EpipolarSearch, RefusesPlacesOffTheCurve) {
   EXPECT_FALSE(Found(20, 3, {160, 60}));
   EXPECT_FALSE(Found(20, -3, {160, 60}));
+  EXPECT_FALSE(Found(20, 2, {160, 60}));
+  EXPECT_FALSE(Found(20, -2, {160, 60}));
   EXPECT_FALSE(Found(-5, 0, {160, 60}));  // behind infinity
 }
 
@@ -111,6 +113,33 @@ TEST(EpipolarSearch, NeedsTextureThatIsClearlyTheBest) {
   const auto found = SearchEpipolarCurve({&left, &first}, {160, 60}, {&right, &second});
   ASSERT_TRUE(found);
   EXPECT_EQ(found->x, 160);
+}
+
+// The first camera's patch at (160, 60) at these columns of the second, each with noise.
+std::optional<cv::Point2f> FoundAmong(const std::vector<std::pair<int, double>>& column_noise) {
+  const BundleCamera left = Camera("left", 0), right = Camera("right", kBase);
+  const cv::Mat first = Texture(3, 320, 120, 1);
+  cv::Mat second = Texture(11, 320, 120, 1);
+  for (const auto& [column, noise] : column_noise) {
+    cv::Mat patch, errors(21, 21, CV_32F);
+    first(cv::Rect(150, 50, 21, 21)).convertTo(patch, CV_32F);
+    cv::RNG(5).fill(errors, cv::RNG::NORMAL, 0, noise);
+    patch += errors;
+    patch.convertTo(second(cv::Rect(column - 10, 50, 21, 21)), CV_8U);
+  }
+  return SearchEpipolarCurve({&left, &first}, {160, 60}, {&right, &second});
+}
+
+TEST(EpipolarSearch, ComparesThePeaksInEitherOrder) {
+  for (const int column : {150, 110}) {
+    const auto found = FoundAmong({{column, 8}});
+    ASSERT_TRUE(found);
+    EXPECT_EQ(found->x, column);
+    EXPECT_EQ(found->y, 60);
+    const int other = 260 - column;
+    EXPECT_FALSE(FoundAmong({{column, 8}, {other, 9}}));
+    EXPECT_TRUE(FoundAmong({{column, 8}, {other, 30}}));
+  }
 }
 
 // A camera that shifts by two pixels a frame, and a second one at a disparity of 12 px.

@@ -3,9 +3,11 @@
 // Points of a pair at the limits of parallax and residuals, poses at those of their numbers.
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <limits>
 
 #include "calib/camera/rays.h"
+#include "calib/space/point_fit.h"
 #include "engine/scene/scene_start.h"
 #include "engine/scene/scene_tracks.h"
 #include "models/registry.h"
@@ -244,30 +246,99 @@ TEST(ScenePoses, FollowTheFrameWithMostKnownPointsFirst) {
   EXPECT_GE(bundle.observations.size(), 100U);
 }
 
-// A plenoptic camera sees distances by itself: its rays through several micro lenses meet.
-TEST(SceneScaleOwn, IsThatOfThePlacesWhereRaysOfSingleViewsMeet) {
+// A plenoptic camera sees distances by itself: its rays through several micro lenses meet. Exact
+// observations in one frame of this pose; each point through four lenses.
+Bundle Plenoptic(const std::vector<Eigen::Vector3d>& points, const RigidTransform& pose = {}) {
   Bundle bundle;
   BundleCamera& camera = bundle.cameras.emplace_back();
   camera.model = FindModel(CameraModels(), "focused-plenoptic");
   camera.config = {5e-6};
   camera.params = {0.016, 0.0155, 0.0005, 500, 500, 0, 0, 0, 0};
   camera.fixed.assign(9, true);
-  bundle.T_rig_target = {{}, {}};
-  constexpr double kFactor = 2.5;
-  for (int m = 0; m < 3; ++m) {
-    const Eigen::Vector3d p(0.01 * m, 0.005, 0.4 + 0.1 * m);
-    bundle.markers.push_back({.number = m, .position = kFactor * p, .nominal = p});
+  bundle.T_rig_target = {pose};
+  for (const Eigen::Vector3d& point : points) {
+    const int m = static_cast<int>(bundle.markers.size());
+    const Eigen::Vector3d p = pose * point;
+    bundle.markers.push_back({.number = m, .position = point, .nominal = point});
     for (int lens = 0; lens < 4; ++lens) {
       BundleObservation seen{.frame = 0, .marker = m, .seen = {}};
-      seen.seen.values[2] = 480 + 40 * (lens % 2);
-      seen.seen.values[3] = 490 + 40 * (lens / 2);
+      seen.seen.values[2] = 500 + 3200 * p.x() / p.z() + 40 * (lens % 2) - 20;
+      seen.seen.values[3] = 500 + 3200 * p.y() / p.z() + 40 * (lens / 2) - 10;
       double u[kMaxObservationSize];
-      ASSERT_TRUE(Project(camera, seen.seen.values.data(), p, u));
+      EXPECT_TRUE(Project(camera, seen.seen.values.data(), p, u));
       seen.seen.values[0] = u[0];
       seen.seen.values[1] = u[1];
       bundle.observations.push_back(seen);
     }
   }
+  return bundle;
+}
+
+TEST(ScenePoints, OfAPlenopticViewNeedAsMuchSpreadOfTheirRaysAsTheirNoiseAllows) {
+  const RigidTransform pose{ExpRotation({0.1, 0.2, -0.1}), {0.02, -0.01, 0.1}};
+  const Eigen::Vector3d point(0.02, 0.01, 0.5);
+  Bundle bundle = Plenoptic({point}, pose);
+  std::vector<Ray> rays;
+  for (const BundleObservation& seen : bundle.observations) {
+    rays.push_back(Unproject(bundle.cameras[0], seen.seen.values.data()).value());
+  }
+  BundleObservation beside = bundle.observations[0];
+  beside.seen.values[0] += 1;
+  const Ray moved = Unproject(bundle.cameras[0], beside.seen.values.data()).value();
+  const double by_px =
+      std::asin(rays[0].direction.normalized().cross(moved.direction.normalized()).norm());
+  // Ten standard errors of the distance.
+  const double largest = std::sqrt(NearestToRays(rays).value().spread) / (10 * by_px);
+  bundle.markers[0].position.setZero();
+  for (const double factor : {0.97, 1.03}) {
+    for (BundleObservation& seen : bundle.observations) seen.assumed_sigma = factor * largest;
+    SceneState state = MakeSceneState(&bundle);
+    state.has_pose = {true};
+    Triangulate(0, 0.1, &state);
+    EXPECT_EQ(state.has_point[0], factor < 1);
+    if (factor < 1) {
+      EXPECT_LT((bundle.markers[0].position - point).norm(), 1e-6);
+    }
+    bundle.markers[0].position.setZero();
+  }
+  // No more than the parallax of two frames.
+  for (BundleObservation& seen : bundle.observations) seen.assumed_sigma = 1000 * largest;
+  for (const double factor : {1.9, 2.1}) {
+    SceneState state = MakeSceneState(&bundle);
+    state.has_pose = {true};
+    state.least_parallax = factor * std::sqrt(NearestToRays(rays).value().spread);
+    Triangulate(0, 0.1, &state);
+    EXPECT_EQ(state.has_point[0], factor < 2);
+  }
+}
+
+TEST(ScenePoses, OfAPlenopticCameraAreFoundByWhereItsRaysMeet) {
+  Random random(6);
+  std::vector<Eigen::Vector3d> points;
+  for (int k = 0; k < 12; ++k) {
+    points.emplace_back(
+        random.Uniform(-0.05, 0.05), random.Uniform(-0.05, 0.05), random.Uniform(0.4, 0.7));
+  }
+  const RigidTransform pose{ExpRotation({0.05, -0.1, 0.2}), {0.01, -0.02, 0.05}};
+  Bundle bundle = Plenoptic(points, pose);
+  for (BundleObservation& seen : bundle.observations) {
+    for (size_t k = 0; k < 2; ++k) seen.seen.values[k] += random.Gaussian(0.005);
+  }
+  bundle.T_rig_target[0] = {};
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(points.size(), true);
+  const std::optional<PoseSearch> found = FindPose(state, 0);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->candidates, points.size());
+  EXPECT_LT((found->T_rig_target.t - pose.t).norm(), 2e-3);
+  EXPECT_LT(LogRotation(found->T_rig_target.R * pose.R.transpose()).norm(), 3e-3);
+}
+
+TEST(SceneScaleOwn, IsThatOfThePlacesWhereRaysOfSingleViewsMeet) {
+  constexpr double kFactor = 2.5;
+  Bundle bundle = Plenoptic({{0, 0.005, 0.4}, {0.01, 0.005, 0.5}, {0.02, 0.005, 0.6}});
+  bundle.T_rig_target.emplace_back();
+  for (BundleMarker& marker : bundle.markers) marker.position *= kFactor;
   SceneState state = MakeSceneState(&bundle);
   state.has_point.assign(3, true);
   EXPECT_FALSE(ScaleByOwnDistances(state));

@@ -103,6 +103,44 @@ TEST(SceneViews, NeedTwentyPointsInCommon) {
   EXPECT_EQ(Refusal([&] { ReconstructScene(Tracks(cameras, 20, 2), cameras, {}); }), "");
 }
 
+// The two frames with most parallax start; turns are none. Their first frame is the scene's.
+TEST(SceneViews, StartWithTheFramesThatAreFarthestApart) {
+  const std::vector<BundleCamera> cameras{Camera("left", 0)};
+  struct Place {
+    double x = 0, turn = 0;
+  };
+  for (const auto& [places, first] :
+       {std::pair(std::vector<Place>{{0.05, 0.3}, {0, 0}, {0.25, 0}}, size_t{1}),
+        {{{0, 0}, {0.2, 0.3}, {0.25, 0}}, 0},
+        {{{0.25, 0}, {0.2, 0.3}, {0.01, 0.1}, {0, 0}}, 0}}) {
+    Random random(3);
+    SceneTracks tracks{.frames = {}, .times = {}, .views = {{}}};
+    for (size_t f = 0; f < places.size(); ++f) {
+      tracks.frames.push_back(std::to_string(f));
+      View& view = tracks.views[0].emplace_back();
+      view.frame = tracks.frames.back();
+      Random same(5);
+      for (int k = 0; k < 30; ++k) {
+        const Eigen::Vector3d point(same.Uniform(-1, 1), same.Uniform(-1, 1), same.Uniform(2.5, 5));
+        const Eigen::Vector3d p =
+            ExpRotation({0, places[f].turn, 0}) * (point - Eigen::Vector3d(places[f].x, 0, 0));
+        Observation seen{.marker = k, .detector_sigma = kNoise};
+        seen.values[0] = 400 + kFocal * p.x() / p.z() + random.Gaussian(kNoise);
+        seen.values[1] = 300 + kFocal * p.y() / p.z() + random.Gaussian(kNoise);
+        view.observations.push_back(seen);
+      }
+    }
+    const ReconstructedScene scene = ReconstructScene(tracks, cameras, {});
+    ASSERT_EQ(scene.frames, places.size());
+    const RigidTransform& start = scene.T_rig_target[first].value();
+    EXPECT_LT(LogRotation(start.R).norm(), 0.02);
+    for (size_t f = 0; f < places.size(); ++f) {
+      const RigidTransform turn = *scene.T_rig_target[f] * start.Inverse();
+      EXPECT_NEAR(LogRotation(turn.R).y(), places[f].turn - places[first].turn, 0.01);
+    }
+  }
+}
+
 TEST(SceneViews, ImproveAFocalLengthOnTheWay) {
   std::vector<BundleCamera> cameras{Camera("left", 0)};
   const SceneTracks tracks = Tracks(cameras, 40, 5);
