@@ -83,7 +83,13 @@ struct MadeScene {
     }
   }
 
-  [[nodiscard]] Calibration Calibrate() const { return CalibrateScene(input, {}); }
+  // The start is so good that this many iterations suffice; from another scale it takes more.
+  [[nodiscard]] Calibration Calibrate(int iterations) const {
+    Calibration found = CalibrateScene(input, {});
+    EXPECT_TRUE(found.converged);
+    EXPECT_LE(found.iterations, iterations);
+    return found;
+  }
 
   // Distances of the points over the true ones, as a median.
   [[nodiscard]] double Scale(const Calibration& found) const {
@@ -124,12 +130,26 @@ TEST(SceneCameras, OfUnknownFocalLengthTakeTheOneThatFits) {
   camera.initial[0].reset();
   camera.initial[1].reset();
   camera.fixed[0] = camera.fixed[1] = false;
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(10);
   EXPECT_NEAR(found.bundle.cameras[0].params[0] / kTrue, 1, 0.02);
   EXPECT_NEAR(found.bundle.cameras[0].params[1] / kTrue, 1, 0.02);
   EXPECT_EQ(found.bundle.cameras[0].params[2], 500);
   EXPECT_EQ(found.frames.size(), static_cast<size_t>(kFrames));
   made.ExpectShape(found, 0.02);
+}
+
+TEST(SceneCameras, HaveTheRulesOfTheirParameters) {
+  MadeScene made;
+  made.Add("pinhole", {}, kPinhole, true, RigidTransform{});
+  CameraInput& right = made.Add("pinhole", kRight, kPinhole, true, kRight);
+  right.initial[0] = 490;
+  right.initial[1] = 520;
+  right.fixed[0] = right.fixed[1] = false;
+  right.rules.resize(4);
+  right.rules[1].tied_to = ParamIndex{1, 0};
+  const Calibration found = made.Calibrate(19);
+  EXPECT_NEAR(found.bundle.cameras[1].params[0], kFocal, 2);
+  EXPECT_EQ(found.bundle.cameras[1].params[0], found.bundle.cameras[1].params[1]);
 }
 
 TEST(SceneCameras, OfAKnownPairHaveTheirExtrinsicsInThePoints) {
@@ -138,7 +158,7 @@ TEST(SceneCameras, OfAKnownPairHaveTheirExtrinsicsInThePoints) {
   made.Add("pinhole", {}, kPinhole, true, RigidTransform{});
   made.Add("pinhole", kRight, kPinhole, true, kRight);
   made.Add("pinhole", kThird, kPinhole, true, {});
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(12);
   EXPECT_NEAR(made.Scale(found), 1, 1e-2);
   made.ExpectShape(found, 0.01);
   EXPECT_EQ(found.bundle.cameras[1].T_camera_rig.t, kRight.t);
@@ -148,7 +168,21 @@ TEST(SceneCameras, OfAKnownPairHaveTheirExtrinsicsInThePoints) {
   EXPECT_LT((found.bundle.cameras[2].T_camera_rig.t - kThird.t).norm(), 5e-3);
   EXPECT_LT(LogRotation(found.bundle.cameras[2].T_camera_rig.R * kThird.R.transpose()).norm(),
             5e-3);
-  EXPECT_EQ(found.fits.size(), 3U);
+  ASSERT_EQ(found.fits.size(), 3U);
+  EXPECT_EQ(found.fits[0].detector_sigma, kNoise);
+}
+
+TEST(SceneCameras, WhoseDetectorsStateNoSigmaHaveTheOneOfTheirResiduals) {
+  MadeScene made;
+  made.Add("pinhole", {}, kPinhole, true, RigidTransform{});
+  made.Add("pinhole", kRight, kPinhole, true, kRight);
+  for (View& view : made.input.cameras.inputs[1].views) {
+    for (Observation& seen : view.observations) seen.detector_sigma = 0;
+  }
+  const Calibration found = made.Calibrate(17);
+  EXPECT_EQ(found.fits[0].detector_sigma, kNoise);
+  EXPECT_EQ(found.fits[1].detector_sigma, 0);
+  EXPECT_NEAR(found.fits[1].noise_sigma, kNoise, 0.5 * kNoise);
 }
 
 TEST(SceneCameras, AfterAnUnknownOneOfAKnownPairAreInTheRigsFrame) {
@@ -156,7 +190,7 @@ TEST(SceneCameras, AfterAnUnknownOneOfAKnownPairAreInTheRigsFrame) {
   made.Add("pinhole", {}, kPinhole, true, {});
   made.Add("pinhole", kRight, kPinhole, true, kRight);
   made.Add("pinhole", kThird, kPinhole, true, kThird);
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(14);
   EXPECT_NEAR(made.Scale(found), 1, 1e-2);
   EXPECT_LT((found.bundle.cameras[2].T_camera_rig.t - kThird.t).norm(), 1e-12);
   // Poses of the rig are those of its frame, not of the pair's first camera.
@@ -173,7 +207,7 @@ TEST(SceneCameras, OfKnownExtrinsicsGiveTheScaleToOneThatStartsAlone) {
   CameraInput& right = made.Add("pinhole", kRight, kPinhole, true, kRight);
   right.initial[3].reset();  // not all is known
   right.fixed[3] = false;
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(24);
   EXPECT_NEAR(made.Scale(found), 1, 0.02);
   EXPECT_FALSE(found.bundle.scale_distance);
   EXPECT_LT((found.bundle.cameras[1].T_camera_rig.t - kRight.t).norm(), 1e-12);
@@ -185,7 +219,7 @@ TEST(SceneCameras, OfKnownPlenopticOnesFollowAKnownPair) {
   made.Add("pinhole", {}, kPinhole, true, RigidTransform{});
   made.Add("pinhole", kRight, kPinhole, true, kRight);
   made.Add("focused-plenoptic", kThird, kPlenoptic, true, kThird);
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(10);
   EXPECT_NEAR(made.Scale(found), 1, 1e-2);
   made.ExpectShape(found, 0.01);
   EXPECT_EQ(found.bundle.cameras[2].params, kPlenoptic);
@@ -198,7 +232,7 @@ TEST(SceneCameras, OfAPlenopticOneHaveTheScaleOfItsSensorsDistance) {
   CameraInput& camera = made.Add("focused-plenoptic", {}, kPlenoptic, true, {});
   // The virtual image tells b_L0 + B; lengths are up to the scale that B gives.
   camera.fixed[0] = false;
-  const Calibration found = made.Calibrate();
+  const Calibration found = made.Calibrate(9);
   EXPECT_NEAR(made.Scale(found), 1, 0.05);
   EXPECT_NEAR(found.bundle.cameras[0].params[0], kPlenoptic[0], 1e-4);
   EXPECT_EQ(found.bundle.cameras[0].params[2], kPlenoptic[2]);

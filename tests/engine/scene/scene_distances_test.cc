@@ -128,6 +128,7 @@ TEST(SceneDistances, OfPointsWithPositionsGiveTheScale) {
   EXPECT_GT(found.fits[0].points, 100);
   EXPECT_EQ(found.fits[0].detector_sigma, 0.1);
   EXPECT_TRUE(found.converged);
+  EXPECT_LE(found.iterations, 5);  // the start has the scale
 }
 
 TEST(SceneDistances, OfTagsAreTheirSidesAndDiagonals) {
@@ -135,6 +136,7 @@ TEST(SceneDistances, OfTagsAreTheirSidesAndDiagonals) {
   input.tags = SceneTags{.ids = {3, 5}, .size = 1, .size_sigma = 1e-3, .node = Node()};
   const Calibration found = CalibrateScene(input, {});
   EXPECT_EQ(found.bundle.distances.size(), 6U);
+  EXPECT_LE(found.iterations, 5);
   EXPECT_NEAR(Apart(found, TagPoint(3, 0), TagPoint(3, 1)), 1, 0.01);
   EXPECT_NEAR(Apart(found, 5, 9), 2 * (PointAt(5) - PointAt(9)).norm(), 0.05);
   ASSERT_EQ(found.left_out.size(), 1U);
@@ -155,6 +157,13 @@ TEST(SceneDistances, OfPointsWithoutAPositionAreRefused) {
       "distance";
   EXPECT_EQ(refused(Between(5, 77, 1)), "input: session.yaml:1:4: a: point 77" + why);
   EXPECT_EQ(refused(Between(98, 5, 1)), "input: session.yaml:1:4: a: point 98" + why);
+  // A number that no view has is a slip, also beside others.
+  for (const SceneDistance& slip : {Between(77, 5, 1), Between(5, 77, 1)}) {
+    SceneCalibrationInput input = Input(3);
+    input.distances = {Between(3, 20, 1), slip};
+    EXPECT_EQ(Refusal([&] { CalibrateScene(input, {}); }),
+              "input: session.yaml:1:4: a: point 77" + why);
+  }
 }
 
 TEST(SceneDistances, NeedThreeFramesAndObservations) {
@@ -165,8 +174,15 @@ TEST(SceneDistances, NeedThreeFramesAndObservations) {
   SceneCalibrationInput input = Input();
   input.cameras.inputs[0].views.clear();
   EXPECT_EQ(Refusal([&] { CalibrateScene(input, {}); }), "input: left: has no observations");
-  EXPECT_THROW(CalibrateScene(Input(), {.progress = [](const std::string&) { return false; }}),
-               Stopped);
+  for (const std::string last : {"initial guess", "bundle adjustment"}) {
+    std::string stage;
+    const auto go_on = [&](const std::string& entered) {
+      stage = entered;
+      return entered != last;
+    };
+    EXPECT_THROW(CalibrateScene(Input(), {.progress = go_on}), Stopped);
+    EXPECT_EQ(stage, last);
+  }
 }
 
 TEST(SceneDistances, FramesOfTooFewPointsAreLeftOut) {
