@@ -246,6 +246,19 @@ TEST(ScenePoses, FollowTheFrameWithMostKnownPointsFirst) {
   EXPECT_GE(bundle.observations.size(), 100U);
 }
 
+TEST(ScenePoses, LimitTheResidualsOfPointsByTheirSigma) {
+  Bundle bundle = Exact(Cloud(20), {{}, kMoved});
+  AddNoise(&bundle);
+  bundle.T_rig_target[1] = {};
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(20, true);
+  state.has_pose = {true, false};
+  const std::optional<PoseSearch> found = FindPose(state, 1);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(FollowFrames({1}, &state), 3.3 * found->sigma, 1e-12);
+  EXPECT_LT((bundle.T_rig_target[1].t - kMoved.t).norm(), 1e-3);
+}
+
 // A plenoptic camera sees distances by itself: its rays through several micro lenses meet. Exact
 // observations in one frame of this pose; each point through four lenses.
 Bundle Plenoptic(const std::vector<Eigen::Vector3d>& points, const RigidTransform& pose = {}) {
