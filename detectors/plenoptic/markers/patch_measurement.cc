@@ -160,8 +160,9 @@ class PointMeasurement {
       for (int y = 0; y < patches_.size; ++y) {
         for (int x = 0; x < patches_.size; ++x) {
           const float value = patches_.Value(lens)[y * patches_.size + x];
+          if (!std::isfinite(value)) continue;  // may lie outside of the image
           const float attenuation = patches_.Attenuation(lens, x, y);
-          if (!std::isfinite(value) || attenuation < kLeastLight * brightest) continue;
+          if (attenuation < kLeastLight * brightest) continue;
           const Eigen::Vector2d away = to_reference * (origin + Eigen::Vector2d(x, y) - position);
           if (away.cwiseAbs().maxCoeff() > kHalfSide) continue;
           const auto drawn = SampleAt(
