@@ -139,7 +139,7 @@ std::optional<Groups> ByNumber(const std::vector<NameParts>& all) {
     }
     const bool camera = word.ends_with("cam") || word.ends_with("camera") ||
                         word.ends_with("view") || word.ends_with("sensor");
-    if (!camera && (n > 0 || files.front().numbers.size() == 1)) continue;
+    if (!camera && n > 0) continue;
     Groups groups;
     for (const NameParts& file : files) groups[file.numbers[n]].push_back(file);
     if (camera ? AreCameras(groups, n) : ArePlainlyNumbered(groups)) {
@@ -231,11 +231,8 @@ bool IsGeneral(const std::string& name) {
 // Whose white images a folder has: plenoptic_white of plenoptic, left/white of left.
 fs::path OwnerOf(const fs::path& white) {
   const std::string name = white.filename().string();
-  const size_t cut = name.find_last_of("_-");
-  const size_t word = cut == std::string::npos ? std::string::npos : name.rfind("white");
-  const std::string base =
-      word == std::string::npos || word == 0 ? std::string() : name.substr(0, word - 1);
-  return base.empty() ? white.parent_path() : white.parent_path() / base;
+  const size_t word = LowerCase(name).rfind("white");
+  return word < 2 ? white.parent_path() : white.parent_path() / name.substr(0, word - 1);
 }
 
 void AddImageFolders(const fs::path& folder, int depth, std::vector<fs::path>* folders) {
