@@ -58,13 +58,6 @@ std::vector<FrameImage> MostAlike(const std::vector<FrameImage>& files) {
   return files;
 }
 
-// The glob that matches these files and no others; empty when there is none.
-std::string ExactGlobOf(const std::vector<FrameImage>& files) {
-  std::set<fs::path> wanted;
-  for (const FrameImage& file : files) wanted.insert(file.path);
-  return GlobOf(files, [&](const fs::path& path) { return wanted.contains(path); });
-}
-
 std::set<std::string> FramesOf(const std::vector<std::string>& images, const std::string& name) {
   std::set<std::string> frames;
   for (const FrameImage& image : ListImages(images, name)) frames.insert(image.frame);
@@ -103,7 +96,8 @@ std::string YamlPath(const std::string& pattern, const fs::path& folder) {
   const auto top = [](const fs::path& path) {
     return *std::next(path.begin(), path.has_relative_path() ? 1 : 0);
   };
-  const fs::path all = (top(to) == top(from) ? fs::relative(to, from) : to) / rest;
+  fs::path all = top(to) == top(from) ? fs::relative(to, from) : to;
+  if (!rest.empty() || fs::is_directory(to)) all /= rest;  // a folder's ends with a slash
   const std::string text = all.lexically_normal().string();
   const bool plain = std::ranges::all_of(text, [](unsigned char c) {
     return std::isalnum(c) != 0 ||
@@ -150,7 +144,8 @@ std::vector<std::string> AsGlobs(const std::vector<std::string>& inputs, const s
     }
   }
   if (inputs.size() == 1) return inputs;
-  const std::string glob = ExactGlobOf(ExpandImages(inputs, what));
+  const std::string glob =
+      GlobOf(ExpandImages(inputs, what), [](const fs::path&) { return false; });
   return glob.empty() ? inputs : std::vector{glob};
 }
 

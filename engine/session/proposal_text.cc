@@ -12,6 +12,11 @@
 #include "engine/recording/stores/image_lister.h"
 
 namespace plenocal {
+namespace {
+
+const char* Show(size_t images) { return images == 1 ? "shows" : "show"; }
+
+}  // namespace
 
 TargetProposals LookForTargets(const std::vector<FrameImage>& images, const Run& run) {
   return ProposeTargets(images, {.threads = run.threads, .progress = [&](size_t done, size_t all) {
@@ -35,9 +40,10 @@ void FailWithProposal(const std::vector<std::string>& cameras,
   const TargetProposals proposals = LookForTargets(all, run);
   if (proposals.found.empty()) {
     throw InputError(
-        "--target is missing, and {} show no chessboard, ChArUco board, AprilTag "
+        "--target is missing, and {} {} no chessboard, ChArUco board, AprilTag "
         "or grid of circles; state it, such as --target chessboard:9x6:25mm",
-        OfImages(proposals.looked_at, proposals.looked_at));
+        OfImages(proposals.looked_at, proposals.looked_at),
+        Show(proposals.looked_at));
   }
   const TargetProposal& best = proposals.found[0];
   const std::string in = OfImages(best.images, proposals.looked_at);
@@ -89,8 +95,9 @@ std::string MendOf(const TargetProposals& proposals, const Target& target) {
   }
   if (changes.empty()) return {};
   const bool same_type = !changes[0].starts_with("type: ");
-  return fmt::format("{} show {}: set {}{}",
+  return fmt::format("{} {} {}: set {}{}",
                      OfImages(best.images, proposals.looked_at),
+                     Show(proposals.looked_at),
                      same_type ? best.shows : best.what,
                      fmt::join(changes, ", "),
                      same_type ? code : std::string());
