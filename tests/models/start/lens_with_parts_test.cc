@@ -243,6 +243,99 @@ TEST(LensTables, StartAsTheLensWithPartsWithoutEffect) {
   expect({0, 0.25, 0, 0, -0.5}, 9);
 }
 
+// The point that the lens has to image, its image at focal length 1, the parts one after the other,
+// and the focal lengths again.
+TEST(LensTables, ProjectThroughAxisLensAndParts) {
+  struct Case {
+    const char* lens;
+    const char* axial;
+    std::vector<const char*> parts;
+  };
+  const std::array<double, kMaxObservationSize> values{};
+  for (const Case& each : {Case{"ucm", "pupil", {"radtan", "tilt", "skew"}},
+                           Case{"splined", "pupil", {"skew"}},
+                           Case{"equidistant", "", {"radial2", "prism"}}}) {
+    const CameraModel& lens = Model(each.lens);
+    std::string name = each.lens;
+    if (*each.axial != 0) name += std::string("+") + each.axial;
+    for (const char* part : each.parts) name += std::string("+") + part;
+    SCOPED_TRACE(name);
+    const CameraModel& model = Model(name);
+    const auto part_of = [](const char* part) {
+      return *std::ranges::find(LensParts(), part, &LensPart::name);
+    };
+    const Eigen::Vector3d p(0.06, -0.04, 0.3);
+    const double h = 0.8;
+    const auto image =
+        [&](const std::vector<double>& params, const Eigen::Vector3d& at, double by_h) {
+          const double* a = params.data() + lens.params.size();
+          Eigen::Vector3d seen = at;
+          if (*each.axial != 0) {
+            const LensPart axial = part_of(each.axial);
+            seen = ShiftToLens(axial, a, at, by_h)->p;
+            a += axial.params.size();
+          }
+          Eigen::Vector2d u, mapped;
+          EXPECT_TRUE(lens.Project(params.data(), nullptr, values.data(), seen, u.data()));
+          Eigen::Vector2d m((u.x() - params[2]) / params[0], (u.y() - params[3]) / params[1]);
+          for (const char* each_part : each.parts) {
+            const LensPart part = part_of(each_part);
+            EXPECT_TRUE(part.map(a, m.data(), mapped.data()));
+            m = mapped;
+            a += part.params.size();
+          }
+          return Eigen::Vector2d(params[0] * m.x() + params[2], params[1] * m.y() + params[3]);
+        };
+    std::vector<double> params(model.example.begin(), model.example.end());
+    params[1] *= 1.1;
+    Eigen::Vector2d u, predicted, by_h;
+    ASSERT_TRUE(model.Project(params.data(), nullptr, values.data(), p, u.data(), h));
+    EXPECT_NEAR((u - image(params, p, h)).norm(), 0, 1e-10);
+    const auto width = static_cast<Eigen::Index>(params.size());
+    Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> by_params(2, width);
+    Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_point;
+    ProjectionOutput out{.predicted = predicted.data(),
+                         .J_params = by_params.data(),
+                         .J_point = by_point.data(),
+                         .support = nullptr,
+                         .J_h = by_h.data()};
+    ASSERT_TRUE(model.ProjectWithJacobian(params.data(), nullptr, values.data(), p, out, h));
+    EXPECT_NEAR((predicted - u).norm(), 0, 1e-10);
+    const auto expect = [](const Eigen::Vector2d& derivative,
+                           const Eigen::Vector2d& more,
+                           const Eigen::Vector2d& less,
+                           double step) {
+      const Eigen::Vector2d expected = (more - less) / (2 * step);
+      EXPECT_NEAR((derivative - expected).norm(), 0, 1e-6 * (1 + expected.norm()));
+    };
+    for (Eigen::Index i = 0; i < width; ++i) {
+      SCOPED_TRACE(model.params[static_cast<size_t>(i)].name);
+      const double step = i < 4 ? 1e-3 : 1e-5;
+      std::vector<double> more = params, less = params;
+      more[static_cast<size_t>(i)] += step;
+      less[static_cast<size_t>(i)] -= step;
+      expect(by_params.col(i), image(more, p, h), image(less, p, h), step);
+    }
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d d = 1e-6 * Eigen::Vector3d::Unit(i);
+      expect(by_point.col(i), image(params, p + d, h), image(params, p - d, h), 1e-6);
+    }
+    expect(by_h, image(params, p, h + 1e-5), image(params, p, h - 1e-5), 1e-5);
+    // Without derivatives by the parameters.
+    const Eigen::Matrix<double, 2, 3, Eigen::RowMajor> both = by_point;
+    by_point.setZero();
+    out.J_params = nullptr;
+    out.J_h = nullptr;
+    ASSERT_TRUE(model.ProjectWithJacobian(params.data(), nullptr, values.data(), p, out, h));
+    EXPECT_EQ(by_point, both);
+    // The ray back.
+    std::array<double, kMaxObservationSize> seen{u.x(), u.y()};
+    const auto ray = model.Unproject(params.data(), nullptr, seen.data());
+    ASSERT_TRUE(ray);
+    EXPECT_NEAR((p / h - ray->origin).cross(ray->direction).norm(), 0, 1e-9);
+  }
+}
+
 // Derivatives by all parameters are those of the support, each in its column.
 TEST(LensTables, GiveDerivativesByAllOrBySupport) {
   const CameraModel& model = Model("splined+pupil+skew");
