@@ -327,6 +327,8 @@ TEST(ImageIndexes, FindImagesByNameFileAndNumber) {
   EXPECT_EQ(index.Find("left_9.png"), 3U);
   EXPECT_EQ(index.Find("9"), std::nullopt);
   EXPECT_EQ(index.Find(""), std::nullopt);
+  const ImageIndex named(std::vector{FrameImage{.frame = "0012", .path = "d/x.png"}});
+  EXPECT_EQ(named.Find("12"), 0U);
   const ImageIndex zero(ImagesOf({"000.png"}));
   EXPECT_EQ(zero.Find("0"), 0U);
 }
