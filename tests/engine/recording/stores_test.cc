@@ -197,13 +197,6 @@ TEST_F(Stores, AreListedBeforeFiles) {
             "left: " + In("v.avi/left") + ": a video has no parts; give the video alone");
 }
 
-TEST_F(Stores, OfVideosHaveTheirFrames) {
-  const std::string video = std::string(PLENOCAL_TEST_DATA) + "/recordings/left.avi";
-  const std::vector<FrameImage> images = ListImages({video}, "left");
-  ASSERT_EQ(images.size(), 6U);
-  EXPECT_EQ(images[5].frame, "000005");
-}
-
 TEST_F(Stores, OfRecordingsAreReadOnce) {
   const auto image = [](std::uint32_t seconds) {
     return BagMessage(1, 100, 0, ImageMessage(MessageWriter::Form::kRos1, seconds, 0, 'a'));

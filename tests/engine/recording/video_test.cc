@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "engine/recording/stores/image_lister.h"
 #include "engine/recording/video/video_store.h"
 #include "tests/temporary_folder.h"
 
@@ -45,8 +46,7 @@ TEST_F(Videos, HaveFramesInAnyOrder) {
 }
 
 TEST_F(Videos, HaveSizeAndHashWithoutTheirPixels) {
-  std::vector<std::string> notes;
-  const std::vector<FrameImage> images = VideoImages(video_, &notes);
+  const std::vector<FrameImage> images = ListImages({video_.string()}, "left");
   ASSERT_EQ(images.size(), 6U);
   EXPECT_EQ(images[5].frame, "000005");
   EXPECT_EQ(images[5].path, video_ / "000005");
