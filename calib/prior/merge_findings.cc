@@ -14,7 +14,7 @@ namespace plenocal {
 namespace {
 
 // The camera of which places of its own in each calibration make all calibrations agree best;
-// nothing where none does.
+// nothing where none does, as one that is in one calibration only, or that has such places.
 std::optional<std::string> MovedCamera(const MergedCalibrations& merged,
                                        std::span<const CalibrationRecord> calibrations,
                                        const MergeOptions& options) {
@@ -22,11 +22,10 @@ std::optional<std::string> MovedCamera(const MergedCalibrations& merged,
   double least = std::numeric_limits<double>::infinity();
   for (size_t c = 1; c < merged.record.cameras.size(); ++c) {
     const std::string& name = merged.record.cameras[c].name;
-    if (std::ranges::find(options.moved, name) != options.moved.end()) continue;
     MergeOptions moved = options;
     moved.moved.push_back(name);
     const MergedCalibrations other = MergeCalibrations(calibrations, moved);
-    if (other.scale > 1 || other.degrees == merged.degrees || other.chi_square > least) continue;
+    if (other.scale > 1 || other.chi_square > least) continue;
     least = other.chi_square;
     found = name;
   }

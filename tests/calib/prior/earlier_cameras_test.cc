@@ -266,5 +266,73 @@ TEST(EarlierCameras, GetTheLargestFactorOfSystematicErrors) {
               HasSubstr("the finding points_share_errors of left has no finite value"));
 }
 
+TEST(EarlierCameras, MustHaveTheSameConstants) {
+  CalibrationRecord record = Earlier({"left"});
+  std::vector<CameraInput> inputs = Session({"left"});
+  const CameraModel* const model = FindModel(CameraModels(), "focused-plenoptic");
+  const size_t count = model->params.size();
+  CalibratedCamera& camera = record.cameras[0];
+  camera.model = inputs[0].model = model;
+  camera.params.assign(count, 1);
+  camera.covariance =
+      Eigen::MatrixXd::Identity(std::ssize(model->params), std::ssize(model->params));
+  inputs[0].initial.resize(count);
+  inputs[0].fixed.resize(count, false);
+  camera.config = inputs[0].config = {5e-6};
+  EXPECT_EQ(ErrorOf(record, inputs), "");
+  inputs[0].config = {6e-6};
+  EXPECT_EQ(ErrorOf(record, inputs),
+            "earlier.yaml: left has pixel_size 5e-06, the session has 6e-06; use one value");
+  // Where one of them states none.
+  inputs[0].config.clear();
+  EXPECT_EQ(ErrorOf(record, inputs), "");
+}
+
+TEST(EarlierCameras, OfWhichOneIsCommonHaveNoExtrinsics) {
+  const EarlierCameras found = Use(Earlier({"left", "right"}), Session({"left"}));
+  EXPECT_EQ(found.fixed_extrinsics, std::vector<bool>{false});
+  EXPECT_EQ(found.prior->unknowns.size(), 6U);
+}
+
+// Both calibrations have the first camera, whose own prior the keys take away from the second.
+TEST(EarlierCameras, OfTwoRigsHaveTheirExtrinsics) {
+  const CalibrationRecord first = Earlier({"left", "right"});
+  CalibrationRecord second = Earlier({"left", "top"});
+  second.cameras[1].T_camera_rig.t.x() = 0.7;
+  const EarlierCameras found =
+      UseEarlierCalibrations(Session({"left", "right", "top"}),
+                             {{.prior = {{}}}, {.prior = {{}}}, {.prior = {{}}}},
+                             {{.record = &first, .cameras = {0, 1}, .is_named = true},
+                              {.record = &second, .cameras = {0, 2}, .is_named = true}},
+                             {});
+  ASSERT_EQ(found.prior->unknowns.size(), 12U);
+  EXPECT_EQ(found.prior->unknowns[6].camera, 2U);
+  ASSERT_EQ(found.prior->T_camera_rig.size(), 3U);
+  for (const size_t c : {1, 2}) {
+    const RigidTransform& expected = (c == 1 ? first : second).cameras[1].T_camera_rig;
+    EXPECT_LT(LocalCoordinates(expected, found.prior->T_camera_rig[c]).norm(), 1e-12);
+    EXPECT_LT(LocalCoordinates(expected, *found.T_camera_rig[c]).norm(), 1e-12);
+  }
+}
+
+TEST(EarlierCameras, FixedParametersNeedAValueFromTheFirstOn) {
+  const CalibrationRecord record = Earlier({"left", "right"});
+  for (const size_t k : {0, 6}) {
+    std::vector<CameraInput> inputs = Session({"left", "right"});
+    inputs[1].fixed[k] = true;
+    try {
+      (void)Use(record, inputs, {{}, {.free = {k}}});
+      ADD_FAILURE() << k;
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()),
+                "right: '" + std::string(inputs[1].model->params[k].name) +
+                    "' is to be fixed, but neither 'initial' nor the earlier calibration gives a "
+                    "value for it");
+    }
+    inputs[1].initial[k] = 1;
+    EXPECT_EQ(Use(record, inputs, {{}, {.free = {k}}}).inputs[1].initial[k], 1);
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::testing
