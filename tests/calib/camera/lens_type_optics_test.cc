@@ -5,8 +5,10 @@
 
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <random>
+#include <utility>
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -28,8 +30,12 @@ double Edge(double x, double diameter, double sigma) {
   return sum / weights;
 }
 
-/// The Gaussian that fits that edge best by least squares, by bisection of the derivative.
+/// The Gaussian that fits that edge best by least squares, by bisection of the derivative; kept, for
+/// the tests share their discs.
 double FittedBlur(double diameter, double sigma) {
+  static std::map<std::pair<double, double>, double> kept;
+  const auto [at, is_new] = kept.emplace(std::pair(diameter, sigma), 0);
+  if (!is_new) return at->second;
   const auto slope = [&](double blur) {
     double sum = 0;
     for (double x = -6; x <= 6; x += 0.05) {
@@ -41,7 +47,7 @@ double FittedBlur(double diameter, double sigma) {
   };
   double low = sigma, high = sigma + diameter;
   for (int i = 0; i < 30; ++i) (slope((low + high) / 2) < 0 ? low : high) = (low + high) / 2;
-  return low;
+  return at->second = low;
 }
 
 /// Blur of every lens type by depth, with errors of `sigma` px; `nearer`: the part by which B is
