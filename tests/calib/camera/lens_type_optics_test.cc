@@ -20,7 +20,7 @@ constexpr std::array kFocus{1 / 3.1, 1 / 2.4, 1 / 4.5};  // 1 / v in focus, the 
 
 /// The edge's profile: a disc of this diameter, then a Gaussian of this standard deviation.
 double Edge(double x, double diameter, double sigma) {
-  constexpr int kSteps = 60;
+  constexpr int kSteps = 30;
   double sum = 0, weights = 0;
   for (int i = 0; i < kSteps; ++i) {
     const double u = (i + 0.5) / kSteps * 2 - 1, weight = std::sqrt(1 - u * u);
@@ -38,7 +38,7 @@ double FittedBlur(double diameter, double sigma) {
   if (!is_new) return at->second;
   const auto slope = [&](double blur) {
     double sum = 0;
-    for (double x = -6; x <= 6; x += 0.05) {
+    for (double x = -6; x <= 6; x += 0.1) {
       const double misfit =
           std::erfc(-x / (blur * std::numbers::sqrt2)) / 2 - Edge(x, diameter, sigma);
       sum -= misfit * x * std::exp(-x * x / (2 * blur * blur));
@@ -46,7 +46,7 @@ double FittedBlur(double diameter, double sigma) {
     return sum;
   };
   double low = sigma, high = sigma + diameter;
-  for (int i = 0; i < 30; ++i) (slope((low + high) / 2) < 0 ? low : high) = (low + high) / 2;
+  for (int i = 0; i < 20; ++i) (slope((low + high) / 2) < 0 ? low : high) = (low + high) / 2;
   return at->second = low;
 }
 
