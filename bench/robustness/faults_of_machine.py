@@ -3,7 +3,7 @@
 """Runs what docs/reliability.md names as the tests of its promises, and prints its table: promise, test, cases, passed.
 
     bench/faults_of_machine                       # all
-    bench/faults_of_machine --only power          # rows that have this text
+    bench/faults_of_machine --only power          # rows that match this expression
     bench/faults_of_machine --write               # also puts the numbers of these rows into the page
     bench/faults_of_machine --short --seed 1      # one test in eight, few kills, power cuts and runs
     bench/faults_of_machine --check               # runs nothing: does each row name tests that exist?
@@ -96,7 +96,7 @@ class Machine:
 def main():
     parser = common.parser(__doc__, plenocal=None)
     parser.add_argument("--build", type=pathlib.Path, default=common.BUILD)
-    parser.add_argument("--only", default="", help="rows that have this text")
+    parser.add_argument("--only", default="", help="rows that match this expression")
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--seed", type=int, default=1, help="of what is done at random")
     parser.add_argument("--write", action="store_true", help="numbers into the page")
@@ -105,7 +105,7 @@ def main():
     if options.write and options.short:
         parser.error("the page has the numbers of the long run")
     machine, failed, text = Machine(options), False, PAGE.read_text()
-    chosen = [row for row in rows() if options.only in row[-1]]
+    chosen = [row for row in rows() if re.search(options.only, row[-1])]
     if options.check:
         for _, commands, row in chosen:
             if not commands or row.count("|") != HEAD.count("|"):

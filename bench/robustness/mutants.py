@@ -93,8 +93,13 @@ def write_compiled(words, sources, points):
 
 
 def copy_tree(work):
-    """Makes `work` a copy of the sources; files that are the same keep their times."""
-    for name in common.run("git", "ls-files", "-co", "--exclude-standard", cwd=common.ROOT).stdout.splitlines():
+    """Makes `work` a copy of the sources; files that are the same keep their times, those of an earlier copy go."""
+    names = common.run("git", "ls-files", "-co", "--exclude-standard", cwd=common.ROOT).stdout.splitlines()
+    for path in {work / name.split("/")[0] for name in names if "/" in name}:
+        for file in path.rglob("*"):
+            if file.is_file() and str(file.relative_to(work)) not in names:
+                file.unlink()
+    for name in names:
         source, copy = common.ROOT / name, work / name
         if source.is_symlink() or not source.is_file() or copy.is_file() and copy.read_bytes() == source.read_bytes():
             continue
