@@ -1,0 +1,466 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/views/view_information.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "assess/views/pose_errors.h"
+#include "assess/views/target_poses.h"
+#include "calib/camera/noise_model.h"
+#include "models/registry.h"
+#include "tests/calib/random.h"
+
+namespace plenocal::testing {
+namespace TEST_FILE {
+
+constexpr int kMarkers = 70;
+
+// Two cameras, the first with a fixed f_y and noise that the observations of a marker share, before
+// a grid of 10 x 7 markers whose positions have errors and two common deformations.
+struct Rig {
+  RigEstimate estimate;
+  RigUnknowns unknowns;
+  ViewTarget target;
+  RigidTransform T_rig_target{ExpRotation({0.2, -0.3, 0.1}), {-0.3, -0.15, 1.2}};
+
+  Rig() {
+    Random random(3);
+    Bundle& bundle = estimate.bundle;
+    for (int c = 0; c < 2; ++c) {
+      BundleCamera camera{.name = c == 0 ? "left" : "right",
+                          .image_size = {400, 300},
+                          .model = FindModel(CameraModels(), "pinhole"),
+                          .config = {},
+                          .params = {300 + 20.0 * c, 310, 200, 150},
+                          .fixed = {false, c == 0, false, false},
+                          .T_camera_rig = {},
+                          .is_master = c == 0};
+      bundle.cameras.push_back(camera);
+    }
+    bundle.cameras[0].noise.common_sigma = 0.2;
+    bundle.cameras[1].T_camera_rig = {ExpRotation({0, 0.1, 0.05}), {-0.2, 0.01, 0.02}};
+    estimate.sigma_px = {0.3, 0.5};
+    estimate.factors = {1, 1};
+    estimate.lenses.resize(2);
+    for (int m = 0; m < kMarkers; ++m) {
+      const Eigen::Vector3d place(0.06 * (m % 10), 0.05 * (m / 10), 0.01 * (m % 3));
+      target.markers[m] = place;
+      bundle.markers.push_back({.number = m, .position = place, .nominal = place});
+      estimate.marker_sigmas[m] = {1e-3, 2e-3 + 1e-5 * m, 3e-3};
+    }
+    unknowns = MakeRigUnknowns(bundle, 1.5);
+    unknowns.unit.conservativeResize(unknowns.head + 2);
+    unknowns.unit.tail<2>().setOnes();
+    for (int m = 1; m < kMarkers; ++m) {  // marker 0 stays where it is
+      Eigen::Matrix3Xd by(3, 2);
+      by << random.Gaussians<3>(1e-2), random.Gaussians<3>(1e-2);
+      unknowns.deformations[m] = by;
+    }
+  }
+
+  // So many observations with errors of each marker in each camera; other sigmas than the usual.
+  void Observe(int frame, const std::vector<int>& markers, int twice_from, Random* random) {
+    estimate.bundle.T_rig_target.push_back(T_rig_target);
+    for (int c = 0; c < 2; ++c) {
+      for (const int m : markers) {
+        for (int i = 0; i < (c == 0 && m >= twice_from ? 2 : 1); ++i) {
+          const Eigen::Vector2d u =
+              Image(c, unknowns.unit * 0, Vector6d::Zero(), m, Eigen::Vector3d::Zero());
+          BundleObservation seen{
+              .camera = c, .frame = frame, .marker = m, .seen = {}, .assumed_sigma = 0.2 + 0.1 * i};
+          seen.seen.values = {u.x() + random->Gaussian(0.5), u.y() + random->Gaussian(0.5)};
+          estimate.bundle.observations.push_back(seen);
+        }
+      }
+    }
+  }
+
+  // Image of a marker after changes of all unknowns (in units), pose and marker.
+  [[nodiscard]] Eigen::Vector2d Image(int c,
+                                      const Eigen::VectorXd& x,
+                                      const Vector6d& pose,
+                                      int m,
+                                      const Eigen::Vector3d& moved) const {
+    const auto index = static_cast<size_t>(c);
+    BundleCamera camera = estimate.bundle.cameras[index];
+    for (size_t k = 0; k < 4; ++k) {
+      const int i = unknowns.params[index][k];
+      if (i >= 0) camera.params[k] += unknowns.unit[i] * x[i];
+    }
+    if (const int first = unknowns.extrinsics[index]; first >= 0) {
+      camera.T_camera_rig = Retract(
+          camera.T_camera_rig, unknowns.unit.segment<6>(first).cwiseProduct(x.segment<6>(first)));
+    }
+    Eigen::Vector3d place = target.markers.at(m) + moved;
+    if (unknowns.deformations.contains(m)) place += unknowns.deformations.at(m) * x.tail<2>();
+    const Eigen::Vector3d p = camera.T_camera_rig * (Retract(T_rig_target, pose) * place);
+    return {camera.params[0] * p.x() / p.z() + camera.params[2],
+            camera.params[1] * p.y() / p.z() + camera.params[3]};
+  }
+
+  // Normal equations by numeric derivatives: unknowns, pose, residual.
+  [[nodiscard]] Eigen::MatrixXd Normal(const std::vector<BundleObservation>& observations,
+                                       double weight) const {
+    const Eigen::Index size = unknowns.unit.size();
+    Eigen::MatrixXd N = Eigen::MatrixXd::Zero(size + 7, size + 7);
+    constexpr double kStep = 1e-6;
+    for (size_t begin = 0, end = 0; begin < observations.size(); begin = end) {
+      const int c = observations[begin].camera, m = observations[begin].marker;
+      while (end < observations.size() && observations[end].camera == c &&
+             observations[end].marker == m) {
+        ++end;
+      }
+      Eigen::MatrixXd J(2, size + 6), B(2, 3);
+      const auto derivative = [&](Eigen::Index column, const Eigen::VectorXd& step) {
+        const Eigen::Vector3d moved = step.tail<3>();
+        const Vector6d pose = step.segment<6>(size);
+        return Eigen::Vector2d((Image(c, -step.head(size), -pose, m, -moved) -
+                                Image(c, step.head(size), pose, m, moved)) /
+                               (2 * step[column]));
+      };
+      for (Eigen::Index k = 0; k < size + 9; ++k) {
+        const Eigen::Vector2d d = derivative(k, kStep * Eigen::VectorXd::Unit(size + 9, k));
+        if (k < size + 6) J.col(k) = d;
+        if (k >= size + 6) B.col(k - size - 6) = d * estimate.marker_sigmas.at(m)[k - size - 6];
+      }
+      const auto rows = static_cast<Eigen::Index>(2 * (end - begin));
+      Eigen::MatrixXd all(rows, size + 7), shared(rows, 5);
+      const double common = estimate.bundle.cameras[static_cast<size_t>(c)].noise.common_sigma;
+      for (size_t i = begin; i < end; ++i) {
+        const auto row = static_cast<Eigen::Index>(2 * (i - begin));
+        const double sigma = observations[i].assumed_sigma;
+        const Eigen::Vector2d seen(observations[i].seen.values[0], observations[i].seen.values[1]);
+        const Eigen::Vector2d r =
+            seen - Image(c, unknowns.unit * 0, Vector6d::Zero(), m, {0, 0, 0});
+        all.middleRows<2>(row) << J / sigma, r / sigma;
+        shared.middleRows<2>(row) << B / sigma, common / sigma * Eigen::Matrix2d::Identity();
+      }
+      const Eigen::MatrixXd V = Eigen::MatrixXd::Identity(rows, rows) + shared * shared.transpose();
+      N += weight * all.transpose() * V.inverse() * all;
+    }
+    return N;
+  }
+};
+
+void ExpectClose(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) {
+  ASSERT_EQ(found.rows(), expected.rows());
+  ASSERT_EQ(found.cols(), expected.cols());
+  EXPECT_LT((found - expected).norm(), 1e-5 * expected.norm());
+}
+
+TEST(FrameInformation, IsOfTheNormalEquationsWithoutThePose) {
+  Rig rig;
+  Random random(5);
+  std::vector<int> all(kMarkers);
+  for (int m = 0; m < kMarkers; ++m) all[static_cast<size_t>(m)] = m;
+  rig.Observe(0, all, 20, &random);
+  const std::vector<BundleObservation> good = rig.estimate.bundle.observations;
+  auto& seen = rig.estimate.bundle.observations;
+  // What adds nothing: not used, not finite (alone and beside another), of an unknown marker.
+  rig.estimate.bundle.markers.push_back({.number = 500, .position = {}, .nominal = {}});
+  std::vector<BundleObservation> counted = good;
+  seen[3].used = false;
+  seen[7].seen.values[0] = std::numeric_limits<double>::quiet_NaN();
+  seen[30].seen.values[1] = std::numeric_limits<double>::quiet_NaN();
+  const int bad = seen[30].marker;
+  std::erase_if(counted, [&](const BundleObservation& each) {
+    return each.camera == 0 && (each.marker == 3 || each.marker == 7 || each.marker == bad);
+  });
+  BundleObservation stray = seen.back();
+  stray.marker = kMarkers;
+  seen.push_back(stray);
+  const ViewPredictor predictor(rig.estimate, rig.unknowns, rig.target);
+  int frames = 0;
+  predictor.ForFrames([&](const ViewPredictor::FrameInformation& frame) {
+    ++frames;
+    EXPECT_EQ(frame.frame, 0);
+    const Eigen::Index n = rig.unknowns.unit.size();
+    const Eigen::MatrixXd N = rig.Normal(counted, 1);
+    const Eigen::MatrixXd tx = N.block(0, n, n, 6);
+    const Matrix6d covariance = N.block<6, 6>(n, n).inverse();
+    ExpectClose(frame.information, N.topLeftCorner(n, n) - tx * covariance * tx.transpose());
+    ExpectClose(frame.gradient,
+                N.col(n + 6).head(n) - tx * covariance * N.col(n + 6).segment<6>(n));
+    ExpectClose(frame.pose_covariance, covariance);
+    ExpectClose(frame.pose_by_unknowns, -covariance * tx.transpose());
+    ExpectClose(predictor.InformationSoFar(), frame.information + Eigen::MatrixXd::Identity(n, n));
+  });
+  EXPECT_EQ(frames, 1);
+}
+
+TEST(FrameInformation, IsOfEachFrameWhosePoseIsDetermined) {
+  Rig rig;
+  Random random(6);
+  rig.estimate.marker_sigmas.clear();
+  for (int f = 0; f < 131; ++f) {
+    if (f == 70) {
+      rig.Observe(f, {4}, 0, &random);
+      std::erase_if(rig.estimate.bundle.observations,
+                    [](const BundleObservation& each) { return each.frame == 70 && each.camera; });
+    } else {
+      rig.Observe(f, {0, 9, 60, 69}, 1000, &random);
+    }
+  }
+  const ViewPredictor predictor(rig.estimate, rig.unknowns, rig.target);
+  std::vector<int> frames, expected;
+  predictor.ForFrames([&](const auto& frame) { frames.push_back(frame.frame); });
+  for (int f = 0; f < 131; ++f) {
+    if (f != 70) expected.push_back(f);
+  }
+  EXPECT_EQ(frames, expected);
+}
+
+TEST(PredictedInformation, IsOfTheMarkersThatAreSeenForAll) {
+  const Rig rig;
+  const ViewPredictor predictor(rig.estimate, rig.unknowns, rig.target);
+  for (const size_t most : {size_t{8}, size_t{24}, size_t{1000}}) {
+    std::vector<BundleObservation> observations;
+    for (int c = 0; c < 2; ++c) {
+      const TargetVisibility view =
+          predictor.PredictVisibility(static_cast<size_t>(c), rig.T_rig_target, most);
+      ASSERT_TRUE(view.found);
+      ASSERT_EQ(view.markers.size(), std::min<size_t>(most, kMarkers));
+      ASSERT_EQ(view.u_px.size(), view.markers.size());
+      for (const Eigen::Vector2d& u_px : view.u_px) {
+        int marker = -1;
+        for (int m = 0; m < kMarkers; ++m) {
+          const Eigen::Vector2d u =
+              rig.Image(c, rig.unknowns.unit * 0, Vector6d::Zero(), m, {0, 0, 0});
+          if ((u - u_px).norm() < 1e-9) marker = m;
+        }
+        ASSERT_GE(marker, 0);
+        observations.push_back({.camera = c,
+                                .marker = marker,
+                                .seen = {},
+                                .assumed_sigma = rig.estimate.sigma_px[static_cast<size_t>(c)]});
+      }
+    }
+    const Eigen::Index n = rig.unknowns.unit.size();
+    const Eigen::MatrixXd N =
+        rig.Normal(observations, kMarkers / static_cast<double>(std::min<size_t>(most, kMarkers)));
+    const Eigen::MatrixXd tx = N.block(0, n, n, 6);
+    const auto found = predictor.Information(rig.T_rig_target, most);
+    ASSERT_TRUE(found);
+    ExpectClose(*found,
+                N.topLeftCorner(n, n) - tx * N.block<6, 6>(n, n).inverse() * tx.transpose());
+    EXPECT_EQ(predictor.Information(rig.T_rig_target, most, 1), found);
+  }
+  // Behind both cameras; beside one of them.
+  RigidTransform behind = rig.T_rig_target;
+  behind.t.z() = -2;
+  EXPECT_FALSE(predictor.Information(behind, 24));
+  RigEstimate turned = rig.estimate;
+  turned.bundle.cameras[1].T_camera_rig.R = ExpRotation({0, 2, 0});
+  const ViewPredictor one(turned, rig.unknowns, rig.target);
+  EXPECT_TRUE(one.Information(rig.T_rig_target, 24));
+  EXPECT_TRUE(one.Information(rig.T_rig_target, 24, 0));
+  EXPECT_FALSE(one.Information(rig.T_rig_target, 24, 1));
+}
+
+// A record of one camera with four frames of 12 markers; `scale` is that of its sigmas.
+CalibrationRecord Record() {
+  CalibrationRecord record;
+  record.path = "calibration.yaml";
+  CalibratedCamera camera{.name = "left",
+                          .model = FindModel(CameraModels(), "pinhole"),
+                          .image_size = {400, 300},
+                          .config = {},
+                          .params = {300, 310, 200, 150},
+                          .covariance = 0.04 * Eigen::Matrix4d::Identity(),
+                          .T_camera_rig = {}};
+  camera.fit.noise_sigma = 0.1;
+  for (int m = 0; m < 12; ++m) {
+    record.markers[m] = {.position = {0.1 * (m % 4), 0.1 * (m / 4), 0}};
+  }
+  for (int f = 0; f < 4; ++f) {
+    const RigidTransform T{ExpRotation({0.4 * (f % 2), 0.5 * (f / 2) - 0.2, 0.1 * f}),
+                           {-0.15, -0.1, 1 + 0.1 * f}};
+    record.frames.push_back({std::to_string(f), T.Inverse()});
+    for (int m = 0; m < 12; ++m) {
+      const Eigen::Vector3d p = T * record.markers[m].position;
+      camera.residuals.push_back({.frame = f,
+                                  .marker = m,
+                                  .values = {300 * p.x() / p.z() + 200, 310 * p.y() / p.z() + 150},
+                                  .residual = {},
+                                  .noise_sigma = 0.1,
+                                  .used = true});
+    }
+  }
+  record.cameras = {camera};
+  return record;
+}
+
+TEST(SetFactors, TakesTheMedianRatioOfVariances) {
+  CalibrationRecord record = Record();
+  ViewTarget target;
+  for (const auto& [number, marker] : record.markers) target.markers[number] = marker.position;
+  RigEstimate rig = MakeRigEstimate(record);
+  const std::vector<double> distances = PointDistances(rig.bundle, 0);
+  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, distances[distances.size() / 2]);
+  const Eigen::MatrixXd C = ViewPredictor(rig, unknowns, target).InformationSoFar().inverse();
+  const auto set = [&](const Eigen::Vector4d& ratios) {
+    for (Eigen::Index k = 0; k < 4; ++k) {
+      record.cameras[0].covariance(k, k) = ratios[k] * C(k, k) * std::pow(unknowns.unit[k], 2);
+    }
+    SetFactors(record, target, &rig);
+    return rig.factors[0];
+  };
+  ASSERT_LT(C.diagonal().maxCoeff(), 0.01);
+  EXPECT_NEAR(set({4, 4, 4, 4}), 4, 1e-6);
+  EXPECT_NEAR(set({2.25, 2.25, 9, 2.25}), 2.25, 1e-6);
+  EXPECT_NEAR(set({16, 9, 9, 0.5}), 9, 1e-6);
+  EXPECT_EQ(set({0.5, 0.25, 0.5, 0.5}), 1);
+  set({4, 4, 4, 4});
+  const CalibratedViews views(record);
+  ExpectClose(views.Factors(), Eigen::Vector4d::Constant(2));
+  ExpectClose(views.Unknowns().unit, unknowns.unit);
+  ExpectClose(views.Predictor().InformationSoFar().inverse(), C);
+  // The prior decides what the images leave open; that says nothing of the factor.
+  RigEstimate poor = MakeRigEstimate(record);
+  poor.bundle.observations.clear();
+  SetFactors(record, target, &poor);
+  EXPECT_EQ(poor.factors[0], 1);
+}
+
+TEST(ComputePoseErrors, AreThoseOfTheFrameAndOfAllUnknowns) {
+  CalibrationRecord record = Record();
+  record.cameras[0].covariance *= 1e3;
+  const CalibratedViews views(record);
+  const std::map<int, PoseErrors> errors = ComputePoseErrors(record);
+  ASSERT_EQ(errors.size(), 4U);
+  ASSERT_GT(views.Factors()[0], 1.5);
+  const Eigen::MatrixXd F = views.Factors().asDiagonal();
+  const Eigen::MatrixXd C = F * views.Predictor().InformationSoFar().inverse() * F;
+  int frames = 0;
+  views.Predictor().ForFrames([&](const ViewPredictor::FrameInformation& frame) {
+    const PoseErrors& found = errors.at(frame.frame);
+    ExpectClose(found.own, frame.pose_covariance);
+    ExpectClose(found.shared * found.shared.transpose(),
+                frame.pose_by_unknowns * C * frame.pose_by_unknowns.transpose());
+    ++frames;
+  });
+  EXPECT_EQ(frames, 4);
+  // What two poses share has their correlation.
+  EXPECT_EQ(errors.at(0).shared.cols(), errors.at(3).shared.cols());
+}
+
+// A model of virtual image points: (x, y) of depth z is seen through a lens at c at
+// c + (p - c) / z + (bend (c_x - x)^2, 0).
+bool ProjectVirtual(const CameraModel& /*model*/,
+                    const double* params,
+                    const double* /*config*/,
+                    const double* values,
+                    const Eigen::Vector3d& p,
+                    double /*h*/,
+                    double* predicted) {
+  if (p.z() == 0) return false;
+  const Eigen::Vector2d c(values[2], values[3]);
+  const Eigen::Vector2d u = c + (p.head<2>() - c) / p.z();
+  predicted[0] = u.x() + params[0] * std::pow(c.x() - p.x(), 2);
+  predicted[1] = u.y();
+  return true;
+}
+
+std::optional<Ray> RayOfValues(const CameraModel& /*model*/,
+                               const double* /*params*/,
+                               const double* /*config*/,
+                               const double* values) {
+  return Ray{{values[0], values[1], 0}, Eigen::Vector3d(values[2], values[3], 100).normalized()};
+}
+
+struct Virtual {
+  CameraModel model = *FindModel(CameraModels(), "pinhole");
+  BundleCamera camera;
+  std::vector<Eigen::Vector2d> centres;
+
+  Virtual() {
+    model.plenoptic = true;
+    model.functions.project = ProjectVirtual;
+    model.functions.unproject = RayOfValues;
+    camera.name = "light";
+    camera.image_size = {300, 200};
+    camera.model = &model;
+    camera.params = {0, 1, 1, 1};
+    for (int row = 0; row < 22; ++row) {
+      for (int column = 0; column < 30; ++column) {
+        centres.emplace_back(10 * column + (row % 2 == 0 ? 2.5 : 7.5), 9 * row + 4.1);
+      }
+    }
+  }
+};
+
+TEST(MicroLensVisibility, ShowsAPointInTheLensesWithinItsDepth) {
+  const Virtual made;
+  const MicroLensVisibility lenses({300, 200}, 10, made.centres);
+  for (const double v : {2.0, -2.0, 3.7, 1.1, 8.0, 29.9, -29.9, 0.5}) {
+    for (const Eigen::Vector2d& place : {Eigen::Vector2d(143, 97),
+                                         Eigen::Vector2d(3, 5),
+                                         Eigen::Vector2d(296, 192),
+                                         Eigen::Vector2d(-12, 60),
+                                         Eigen::Vector2d(180, 212),
+                                         Eigen::Vector2d(900, 900)}) {
+      const Eigen::Vector3d p(place.x(), place.y(), v);
+      std::vector<std::pair<double, double>> expected, found;
+      for (const Eigen::Vector2d& centre : made.centres) {
+        if ((centre - place).norm() < 4.5 * std::abs(v))
+          expected.emplace_back(centre[0], centre[1]);
+      }
+      const MicroLensVisibility::Seen all = lenses.LensesShowing(made.camera, p, 100000);
+      for (const Eigen::Vector2d& centre : all.centres) found.emplace_back(centre[0], centre[1]);
+      std::ranges::sort(expected), std::ranges::sort(found);
+      EXPECT_EQ(found, expected) << p.transpose();
+      EXPECT_EQ(all.all, expected.size());
+      EXPECT_LT((all.image - place).norm(), 1e-6);
+      for (const size_t most : {size_t{1}, size_t{2}, size_t{5}, size_t{12}}) {
+        const MicroLensVisibility::Seen some = lenses.LensesShowing(made.camera, p, most);
+        EXPECT_EQ(some.all, expected.size());
+        const size_t count = std::min(most, expected.size());
+        ASSERT_EQ(some.centres.size(), count);
+        for (size_t i = 0; i < count; ++i) {
+          EXPECT_EQ(some.centres[i], all.centres[i * all.all / count]);
+        }
+      }
+    }
+  }
+  for (const double v : {0.0, 30.1, -30.1}) {
+    const auto none = lenses.LensesShowing(made.camera, {150, 100, v}, 5);
+    EXPECT_EQ(none.all, 0U);
+    EXPECT_TRUE(none.centres.empty());
+  }
+}
+
+TEST(MicroLensVisibility, FindsTheImageByTheLensesBesideIt) {
+  Virtual made;
+  made.camera.params[0] = 1e-5;
+  const MicroLensVisibility lenses({300, 200}, 10, made.centres);
+  const auto seen = lenses.LensesShowing(made.camera, {40, 60, 2.5}, 5);
+  EXPECT_LT((seen.image - Eigen::Vector2d(40, 60)).norm(), 0.02);
+}
+
+TEST(PlaceTarget, OfAPlenopticCameraIsOnTheRayOfTheNearestLens) {
+  Virtual made;
+  RigEstimate rig;
+  rig.bundle.cameras = {made.camera};
+  rig.lenses.resize(1);
+  ViewTarget target{.markers = {{0, {0, 0, 0}}, {1, {2, 0, 0}}}};
+  const TargetPose pose{.place = {28, 11}, .distance = 4};
+  EXPECT_FALSE(PlaceTarget(rig, target, pose));
+  for (const Eigen::Vector2d& centre : {Eigen::Vector2d(20, 10),
+                                        Eigen::Vector2d(30, 12),
+                                        Eigen::Vector2d(28, 40),
+                                        Eigen::Vector2d(90, 11)}) {
+    rig.lenses[0].lenses.push_back({.centre = centre});
+  }
+  const auto T = PlaceTarget(rig, target, pose);
+  ASSERT_TRUE(T);
+  const Eigen::Vector3d expected =
+      Eigen::Vector3d(30, 12, 0) + 4 * Eigen::Vector3d(30, 12, 100).normalized();
+  EXPECT_LT((*T * Eigen::Vector3d(1, 0, 0) - expected).norm(), 1e-9);
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal::testing
