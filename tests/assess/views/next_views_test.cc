@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 
@@ -20,6 +21,8 @@
 namespace plenocal::testing {
 namespace TEST_FILE {
 
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr size_t kAllMarkers = 1000;
@@ -392,6 +395,141 @@ TEST(TargetPoses, TiltTheSideAwayThatTheyName) {
                         to_right = *T * Eigen::Vector3d(0.27, 0.1, 0);
   EXPECT_LT(left.x(), to_right.x());
   EXPECT_LT(left.z(), to_right.z());
+}
+
+// Six markers that fill most of the image, so that few candidates are feasible.
+ViewTarget FewMarkers(const SyntheticProblem& problem) {
+  ViewTarget shape = BoardOf(problem.markers);
+  Eigen::AlignedBox3d box;
+  for (const auto& [number, position] : problem.markers) box.extend(position);
+  const Eigen::Vector3d a = box.min(), b = box.max();
+  shape.markers.clear();
+  for (int i = 0; i < 6; ++i) {
+    shape.markers[i] = {i % 3 == 0   ? a.x()
+                        : i % 3 == 1 ? (a.x() + b.x()) / 2
+                                     : b.x(),
+                        i < 3 ? a.y() : b.y(),
+                        0};
+    shape.normals[i] = -Eigen::Vector3d::UnitZ();
+  }
+  return shape;
+}
+
+// The chooser of a calibration that goes on finds what a new one finds, and keeps its candidates
+// only while these are still right.
+TEST(NextViewChooser, ChoosesAnewWhereTheEstimateChanges) {
+  const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
+  RigEstimate rig = KnownFrom(problem.input).rig;
+  rig.bundle.observations.clear();
+  const ViewTarget shape = FewMarkers(problem);
+  const NextViewOptions options{.count = 1, .range = {0.33, 0.36}};
+  const auto same = [](const NextViews& a, const NextViews& b) {
+    return a.views.size() == 1 && b.views.size() == 1 &&
+           std::abs(a.views[0].sigma_after / b.views[0].sigma_after - 1) < 1e-9;
+  };
+  NextViewChooser chooser(shape, options);
+  const NextViews first = chooser.Choose(rig);
+  EXPECT_TRUE(same(first, chooser.Choose(rig)));
+  EXPECT_THAT(first.distances,
+              ElementsAre(DoubleNear(0.33, 1e-9), DoubleNear(0.36, 1e-9), DoubleNear(3.6, 1e-9)));
+  EXPECT_EQ(first.views[0].criterion, ViewCriterion::kEntropy);
+  const auto is_new = [&](const std::function<void(RigEstimate*)>& change) {
+    RigEstimate other = rig;
+    change(&other);
+    NextViewChooser before(shape, options);
+    before.Choose(rig);
+    return same(before.Choose(other), ChooseNextViews(other, shape, options));
+  };
+  // Units stay with the candidates; noise alone shows in their ranking only.
+  const auto change = [&](double noise, double focal_length) {
+    return is_new([=](RigEstimate* other) {
+      other->sigma_px[0] *= noise;
+      other->bundle.cameras[0].params[0] *= focal_length;
+    });
+  };
+  EXPECT_FALSE(change(0.96, 1.009));
+  EXPECT_TRUE(change(1.06, 1.005));
+  EXPECT_TRUE(change(1, 0.989));
+  EXPECT_TRUE(is_new([](RigEstimate* other) { other->bundle.cameras[0].fixed[4] = true; }));
+}
+
+// What each suggestion is said to lower.
+TEST(NextViews, DifferAndNameTheRegionThatTheyLowerMost) {
+  const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
+  const RigEstimate rig = KnownFrom(problem.input).rig;
+  const ViewTarget shape = FewMarkers(problem);
+  const NextViewOptions options{.count = 4, .goal = 100};
+  const NextViews next = ChooseNextViews(rig, shape, options);
+  ASSERT_EQ(next.views.size(), 4U);
+  EXPECT_EQ(next.views[0].sigma_before, next.sigma);
+  const ImageSize size = rig.bundle.cameras[0].image_size;
+  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, next.distances[0]);
+  const ProjectionSigma projection(rig, unknowns, next.distances);
+  const ViewPredictor predictor(rig, unknowns, shape);
+  Eigen::MatrixXd information = predictor.InformationSoFar();
+  for (size_t i = 0; i < 4; ++i) {
+    const NextView& view = next.views[i];
+    const TargetPose& a = view.pose;
+    EXPECT_EQ(view.criterion, ViewCriterion::kSigma);
+    // As a person carries it out.
+    const Eigen::MatrixXd before = Inverted(information);
+    for (const RigidTransform& T : ExecutedPoses(view.T_rig_target, shape, 0.087, 0.05)) {
+      if (const auto more = predictor.Information(T, 150)) information += *more / 7;
+    }
+    const Eigen::MatrixXd after = Inverted(information);
+    EXPECT_NEAR(view.sigma_before / projection.Of(before), 1, 1e-6) << i;
+    EXPECT_NEAR(view.sigma_after / projection.Of(after), 1, 1e-6) << i;
+    EXPECT_NEAR(view.region_before / projection.InRegion(0, view.region, before), 1, 1e-6);
+    EXPECT_NEAR(view.region_after / projection.InRegion(0, view.region, after), 1, 1e-6);
+    for (size_t r = 0; r < kRegions; ++r) {
+      EXPECT_LE(projection.InRegion(0, r, before) - projection.InRegion(0, r, after),
+                (view.region_before - view.region_after) * (1 + 1e-6));
+    }
+    // Twelve places of each of the four edges, from the first corner on.
+    const auto& outline = view.outlines.at(0).at(0);
+    ASSERT_EQ(outline.size(), 48U);
+    for (size_t k = 0; k < 48; ++k) {
+      const std::vector<Eigen::Vector3d>& corners = shape.outlines[0];
+      const Eigen::Vector3d &from = corners[k / 12], &to = corners[(k / 12 + 1) % 4];
+      const Eigen::Vector3d p =
+          view.T_rig_target * (from + (to - from) * static_cast<double>(k % 12) / 12);
+      Eigen::Vector2d u;
+      const BundleCamera& camera = rig.bundle.cameras[0];
+      ASSERT_TRUE(camera.model->Project(camera.params.data(), nullptr, nullptr, p, u.data()));
+      EXPECT_LT((u - outline[k]).norm(), 1e-9);
+    }
+    for (size_t j = 0; j < i; ++j) {
+      const TargetPose& b = next.views[j].pose;
+      const auto normal = [](const TargetPose& pose) {
+        return Eigen::AngleAxisd(pose.away, Eigen::Vector3d::UnitZ()) *
+               (Eigen::AngleAxisd(pose.tilt, Eigen::Vector3d::UnitY()) * Eigen::Vector3d::UnitZ());
+      };
+      const double angle = std::acos(std::min(1.0, normal(a).dot(normal(b))));
+      EXPECT_TRUE(angle > 20 * std::numbers::pi / 180 || a.turn != b.turn ||
+                  std::abs(a.distance - b.distance) > 0.2 * std::max(a.distance, b.distance) ||
+                  std::abs(a.place.x() - b.place.x()) > size[0] / 3.0 ||
+                  std::abs(a.place.y() - b.place.y()) > size[1] / 3.0)
+          << i << " " << j;
+    }
+  }
+  EXPECT_EQ(next.exhausted, next.views.back().sigma_after > 0.9 * next.sigma);
+}
+
+// A target of one's own aim: the words are those of what is lowered.
+TEST(NextViews, LowerWhatTheUserWants) {
+  const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
+  const RigEstimate rig = KnownFrom(problem.input).rig;
+  NextViewOptions options{.count = 1, .range = {0.33, 0.36}, .goal = 1};
+  options.lowered = [](const RigEstimate& /*rig*/, const RigUnknowns& unknowns) {
+    const Eigen::MatrixXd row = Eigen::RowVectorXd::Unit(unknowns.unit.size(), 0);
+    return ProjectionSigma({{0, 4, 1e-3 * row}}, 1, {"the focal length", "mm", 5});
+  };
+  const NextViews next = ChooseNextViews(rig, FewMarkers(problem), options);
+  EXPECT_EQ(next.lowered.of, "the focal length");
+  EXPECT_TRUE(next.reached);
+  ASSERT_EQ(next.views.size(), 1U);
+  EXPECT_EQ(next.views[0].region, 4U);
+  EXPECT_LT(next.views[0].sigma_after, next.views[0].sigma_before);
 }
 
 }  // namespace TEST_FILE
