@@ -355,6 +355,8 @@ TEST(NextViews, OfAPlenopticCameraStayWhereMicroImagesShowThem) {
   EXPECT_GT(next.views[0].pose.distance, seen.front() / 2.5);
   EXPECT_LT(next.views[0].pose.distance, seen.back() * 2.5);
   EXPECT_FALSE(next.views[0].outlines.at(0).at(0).empty());
+  ASSERT_EQ(next.distances.size(), 3U);
+  EXPECT_NEAR(2 / next.distances[1], 1 / next.distances[0] + 1 / next.distances[2], 1e-9);
 }
 
 TEST(NextViews, StateTheBoundInWords) {
