@@ -247,6 +247,21 @@ TEST(MarkerOutlierCauses, AreAtMostAQuarterOfTheMarkers) {
             "40), 101 (40 of 40), 102 (40 of 40), 103 (40 of 40), 104 (40 of 40), ....");
 }
 
+// 14 of 40 points of one of eight markers: the others' share is that without this one's points.
+TEST(MarkerOutlierCauses, AreComparedWithTheOtherMarkers) {
+  for (const bool others : {false, true}) {
+    Exact exact(40);
+    auto& observations = exact.calibration.bundle.observations;
+    std::erase_if(observations, [](const auto& seen) { return seen.marker >= 8; });
+    for (BundleObservation& seen : observations) {
+      // A tenth of the other points.
+      const bool bad = others && seen.frame % 10 == seen.marker;
+      seen.used = !(seen.marker == 0 ? seen.frame < 14 : bad);
+    }
+    EXPECT_EQ(exact.Find(MarkerOutlierCause()).size(), others ? 0U : 1U);
+  }
+}
+
 // Frames of the same pose, displaced against each other by `shift` px in x and y.
 Exact WithCopies(const std::vector<std::pair<int, double>>& frames) {
   Exact exact(10);
@@ -285,6 +300,25 @@ TEST(DuplicateImageCauses, DifferByLessThanHalfOfTheNoiseOfTwo) {
   // Exact points.
   stated.calibration.fits[0].noise_sigma = 0;
   EXPECT_THAT(stated.Find(DuplicateImagesCause()), IsEmpty());
+}
+
+// Of the same points, where the target is estimated to be at places 5 % of its distance apart,
+// whatever is between them in the recording.
+TEST(DuplicateImageCauses, ShowTheTargetAtOnePlace) {
+  for (const double scale : {0.25, 4.0}) {
+    for (const double part : {-0.055, -0.045, 0.045, 0.055}) {
+      Exact exact = WithCopies({{3, 0}, {6, 0}});
+      std::vector<RigidTransform>& poses = exact.calibration.bundle.T_rig_target;
+      for (RigidTransform& pose : poses) pose.t *= scale;
+      poses[6].t.x() = 0;
+      poses[3].t = {0, 0, poses[6].t.norm()};
+      poses[6].t.x() = part * poses[3].t.norm();
+      poses[4].t.x() += 10;
+      poses[5].t.x() -= 10;
+      EXPECT_EQ(exact.Find(DuplicateImagesCause()).size(), std::abs(part) < 0.05 ? 1U : 0U)
+          << scale << " " << part;
+    }
+  }
 }
 
 TEST(DuplicateImageCauses, AreEachNamedWithTheNextCopy) {

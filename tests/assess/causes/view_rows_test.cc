@@ -90,7 +90,13 @@ TEST(RowsOfViews, AreOfUsedObservationsEnoughForAPose) {
   for (BundleObservation& each : bundle.observations) {
     if (each.camera == 0 && each.frame == 1) each.used = kept++ < 6;
   }
-  EXPECT_EQ(RowsOfViews(bundle, 0)[1].noise.size(), 6);
+  const ViewRows six = RowsOfViews(bundle, 0)[1];
+  EXPECT_EQ(six.noise.size(), 6);
+  EXPECT_EQ(six.position.rows(), 6);
+  EXPECT_EQ(six.markers.size(), 6U);
+  for (const Eigen::Index rows : {six.residual.size(), six.pose.rows(), six.marker.rows()}) {
+    EXPECT_EQ(rows, 12);
+  }
   for (BundleObservation& each : bundle.observations) {
     if (each.camera == 0 && each.frame == 1 && each.used) {
       each.used = false;
