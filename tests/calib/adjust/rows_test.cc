@@ -8,7 +8,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
+#include "calib/io/yaml.h"
+#include "models/formula/model.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
 
@@ -174,6 +177,44 @@ TEST_F(MarkerRowsOfOneMarker, CountWithoutDerivativesWhereOnlyTheseAreMissing) {
   MarkerRows residuals(camera(), {});
   EXPECT_FALSE(residuals.Load(behind, marker_, observations_, {}));
   EXPECT_EQ(residuals.Count(), 0);
+}
+
+// A model that projects the points of a view all at once has the rows that it has one by one.
+TEST(MarkerRows, ArePreparedForAWholeView) {
+  Bundle bundle = TrueBundle(MakeProblem(3, {.cameras = 2, .frames = 1, .noise = 0.3}));
+  BundleCamera& camera = bundle.cameras[1];
+  camera.model = &AddFormulaModel(
+      "of-rows",
+      YamlNode::Parse("{params: {k_1: {}, k_2: {}}, radius: theta*(1 + k_1*theta^2 + k_2*theta^4)}",
+                      "of-rows"),
+      "of-rows");
+  ASSERT_NE(camera.model->functions.project_block, nullptr);
+  const std::vector<double> known = camera.params;
+  camera.params = {known[0], known[1], known[2], known[3], 0.01, -0.002};
+  std::vector<BundleObservation> seen;
+  std::ranges::copy_if(bundle.observations, std::back_inserter(seen), [](const auto& each) {
+    return each.camera == 1;
+  });
+  ASSERT_GT(seen.size(), 20U);
+  const LinearisedView view = ViewOf(bundle, 0, 1);
+  MarkerRows prepared(camera, kAll), single(camera, kAll);
+  prepared.Prepare(view, seen, bundle.markers);
+  for (const BundleObservation& each : seen) {
+    const Eigen::Vector3d p = bundle.markers[static_cast<size_t>(each.marker)].position;
+    ASSERT_TRUE(prepared.Load(view, p, {&each, 1}, {}));
+    ASSERT_TRUE(single.Load(view, p, {&each, 1}, {}));
+    EXPECT_LT((prepared.Residual() - single.Residual()).norm(), 1e-9) << each.marker;
+    EXPECT_LT((prepared.Params() - single.Params()).norm(), 1e-9 * single.Params().norm());
+    EXPECT_LT((prepared.Pose() - single.Pose()).norm(), 1e-9 * single.Pose().norm());
+    EXPECT_LT((prepared.Position() - single.Position()).norm(), 1e-9 * single.Position().norm());
+  }
+  // Without derivatives.
+  MarkerRows residuals(camera, {});
+  residuals.Prepare(view, seen, bundle.markers);
+  const Eigen::Vector3d p = bundle.markers[static_cast<size_t>(seen[0].marker)].position;
+  ASSERT_TRUE(residuals.Load(view, p, {seen.data(), 1}, {}));
+  ASSERT_TRUE(single.Load(view, p, {seen.data(), 1}, {}));
+  EXPECT_LT((residuals.Residual() - single.Residual()).norm(), 1e-9);
 }
 
 }  // namespace TEST_FILE
