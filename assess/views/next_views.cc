@@ -21,28 +21,11 @@ namespace plenocal {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kDegrees = 57.29577951308232;
 // Sizes of the stages from coarse to fine: markers and candidates.
 constexpr size_t kCoarseMarkers = 24, kFineMarkers = 150;
 constexpr size_t kKept = 400, kPreferred = 100, kExecuted = 16;
 // The most views that are counted until the goal.
 constexpr size_t kMostViews = 30;
-
-// Whether a person sees two suggestions as different.
-bool Differ(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
-  if (a.camera != b.camera) return true;
-  constexpr double kAngle = 20 / kDegrees, kDistance = 0.2, kPart = 1.0 / 3;
-  const auto normal = [](const TargetPose& pose) {
-    return Eigen::Vector3d(std::sin(pose.tilt) * std::cos(pose.away),
-                           std::sin(pose.tilt) * std::sin(pose.away),
-                           std::cos(pose.tilt));
-  };
-  const double angle = std::acos(std::clamp(normal(a).dot(normal(b)), -1.0, 1.0));
-  return angle > kAngle || a.turn != b.turn ||
-         std::abs(a.distance - b.distance) > kDistance * std::max(a.distance, b.distance) ||
-         std::abs(a.place.x() - b.place.x()) > kPart * image_size[0] ||
-         std::abs(a.place.y() - b.place.y()) > kPart * image_size[1];
-}
 
 }  // namespace
 
@@ -413,8 +396,8 @@ class NextViewChooser::Impl {
   [[nodiscard]] bool DiffersFrom(const std::vector<NextView>& before,
                                  const TargetPose& pose) const {
     const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
-    return std::ranges::all_of(before,
-                               [&](const NextView& view) { return Differ(view.pose, pose, size); });
+    return std::ranges::all_of(
+        before, [&](const NextView& view) { return LookDifferent(view.pose, pose, size); });
   }
 
   // The candidate at the place, distance and tilt nearby with the largest expected gain.

@@ -195,4 +195,19 @@ std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
   return executed;
 }
 
+bool LookDifferent(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
+  if (a.camera != b.camera) return true;
+  constexpr double kAngle = 20 * std::numbers::pi / 180, kDistance = 0.2, kPart = 1.0 / 3;
+  const auto normal = [](const TargetPose& pose) {
+    return Eigen::Vector3d(std::sin(pose.tilt) * std::cos(pose.away),
+                           std::sin(pose.tilt) * std::sin(pose.away),
+                           std::cos(pose.tilt));
+  };
+  const double angle = std::acos(std::clamp(normal(a).dot(normal(b)), -1.0, 1.0));
+  return angle > kAngle || a.turn != b.turn ||
+         std::abs(a.distance - b.distance) > kDistance * std::max(a.distance, b.distance) ||
+         std::abs(a.place.x() - b.place.x()) > kPart * image_size[0] ||
+         std::abs(a.place.y() - b.place.y()) > kPart * image_size[1];
+}
+
 }  // namespace plenocal

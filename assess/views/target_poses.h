@@ -59,6 +59,10 @@ std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
                                           double angle,
                                           double part);
 
+/// Whether a person sees two poses as different: by another camera, more than 20 degrees between
+/// their normals, another turn, a fifth of the distance or a third of the image.
+bool LookDifferent(const TargetPose& a, const TargetPose& b, ImageSize image_size);
+
 /// Middle of the target's markers.
 Eigen::Vector3d MiddleOf(const ViewTarget& shape);
 

@@ -193,6 +193,43 @@ TEST(ExecutedPoses, ErrInEachDirectionAboutTheMiddle) {
   }
 }
 
+TEST(LookDifferent, ByEachNumberAlone) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  const ImageSize size{900, 600};
+  const TargetPose pose{.camera = 1,
+                        .place = {400, -350},
+                        .distance = 2,
+                        .tilt = 30 * kDegree,
+                        .away = 100 * kDegree,
+                        .turn = 0.5};
+  const auto differs = [&](const auto& change) {
+    TargetPose other = pose;
+    change(other);
+    const bool does = LookDifferent(pose, other, size);
+    EXPECT_EQ(LookDifferent(other, pose, size), does);
+    return does;
+  };
+  EXPECT_FALSE(differs([](TargetPose&) {}));
+  EXPECT_TRUE(differs([](TargetPose& other) { other.camera = 0; }));
+  EXPECT_TRUE(differs([](TargetPose& other) { other.turn = 0.25; }));
+  for (const double sign : {-1.0, 1.0}) {
+    EXPECT_FALSE(differs([&](TargetPose& other) { other.place.x() += sign * 299; }));
+    EXPECT_TRUE(differs([&](TargetPose& other) { other.place.x() += sign * 301; }));
+    EXPECT_FALSE(differs([&](TargetPose& other) { other.place.y() += sign * 199; }));
+    EXPECT_TRUE(differs([&](TargetPose& other) { other.place.y() += sign * 201; }));
+    EXPECT_FALSE(differs([&](TargetPose& other) { other.tilt += sign * 19.9 * kDegree; }));
+    EXPECT_TRUE(differs([&](TargetPose& other) { other.tilt += sign * 20.1 * kDegree; }));
+    // The normals of two tilts of 30 degrees are 20 apart with 40.6 between their sides:
+    // sin(10) = sin(30) sin(20.3).
+    EXPECT_FALSE(differs([&](TargetPose& other) { other.away += sign * 40 * kDegree; }));
+    EXPECT_TRUE(differs([&](TargetPose& other) { other.away += sign * 41.5 * kDegree; }));
+  }
+  EXPECT_FALSE(differs([](TargetPose& other) { other.distance = 2.49; }));
+  EXPECT_TRUE(differs([](TargetPose& other) { other.distance = 2.51; }));
+  EXPECT_FALSE(differs([](TargetPose& other) { other.distance = 1.61; }));
+  EXPECT_TRUE(differs([](TargetPose& other) { other.distance = 1.59; }));
+}
+
 TEST(MicroLensVisibility, FindsTheNearestMicroImage) {
   std::vector<Eigen::Vector2d> centres;
   for (int row = 0; row < 10; ++row) {
