@@ -30,8 +30,8 @@ double Edge(double x, double diameter, double sigma) {
   return sum / weights;
 }
 
-/// The Gaussian that fits that edge best by least squares, by bisection of the derivative; kept, for
-/// the tests share their discs.
+/// The Gaussian that fits that edge best by least squares, by bisection of the derivative; kept,
+/// for the tests share their discs.
 double FittedBlur(double diameter, double sigma) {
   static std::map<std::pair<double, double>, double> kept;
   const auto [at, is_new] = kept.emplace(std::pair(diameter, sigma), 0);
