@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Kills runs at each call that changes files and at random moments, and looks at what is left: the old results or the new ones?
+"""Kills runs at each call that changes files and at random moments: are the old results left, or the new ones?
 
     bench/kills --program build/release/apps/plenocal                     # at each call and 120 random kills of each of five commands
     bench/kills --program build/release/apps/plenocal --kills 20 try      # of `try` alone
 
 A run is killed (SIGKILL) with the process that moves its files: before each system call that changes a file
-(tests/apps/files/failing_calls.cc), at a random moment of its time, or, every second time, of the time in which it moves its files. Then a reader opens a result, and the run is repeated. A kill fails if the reader finds other
-files than all old or all new ones, or if the repeated run does not write the new ones. After every third kill the run
-that mends the folder is killed, too. Exit status 1 when a kill failed.
+(tests/apps/files/failing_calls.cc), at a random moment of its time, or, every second time, of the time in which it moves its
+files. Then a reader opens a result, and the run is repeated. A kill fails if the reader finds other files than all old or all
+new ones, or if the repeated run does not write the new ones. After every third kill at random the run that mends the folder is
+killed, too. Exit status 1 when a kill failed.
 """
 import ctypes
 import itertools

@@ -13,8 +13,9 @@
 namespace plenocal {
 namespace {
 
-// The camera of which places of its own in each calibration make all calibrations agree best;
-// nothing where none does, as one that is in one calibration only, or that has such places.
+// The camera that, with a place of its own in each calibration, makes all calibrations agree best;
+// nothing where none does. One that is in a single calibration, or has such places already, changes
+// no residual.
 std::optional<std::string> MovedCamera(const MergedCalibrations& merged,
                                        std::span<const CalibrationRecord> calibrations,
                                        const MergeOptions& options) {

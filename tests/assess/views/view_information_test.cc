@@ -319,7 +319,7 @@ TEST(SetFactors, TakesTheMedianRatioOfVariances) {
   ExpectClose(views.Factors(), Eigen::Vector4d::Constant(2));
   ExpectClose(views.Unknowns().unit, unknowns.unit);
   ExpectClose(views.Predictor().InformationSoFar().inverse(), C);
-  // The prior decides what the images leave open; that says nothing of the factor.
+  // What the prior alone determines has no part in the factor.
   RigEstimate poor = MakeRigEstimate(record);
   poor.bundle.observations.clear();
   SetFactors(record, target, &poor);

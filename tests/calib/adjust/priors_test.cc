@@ -104,7 +104,7 @@ TEST(RowsOfPriors, AreDeviationsInStandardErrorsWithTheirDerivatives) {
   const Bundle bundle = WithPriors();
   const UnknownLayout layout = MakeLayout(bundle, true);
   const std::vector<SparseRow> rows = RowsOfPriors(bundle, layout);
-  // The fixed parameter's own prior says nothing about an unknown.
+  // The prior of a fixed parameter has no row.
   ASSERT_EQ(rows.size(), 1u + 8 + 2);
   EXPECT_NEAR(rows[0].residual, 2, 1e-9);
   EXPECT_EQ(rows[0].J, (std::map<int, double>{{layout.params[0][2], 1 / 0.3}}));

@@ -72,7 +72,7 @@ class AutomaticChoiceByFrames : public ::testing::Test {
     return note.value_or(Finding{});
   }
 
-  // What the trial says of these models and the target.
+  // The result of a trial of these models and the target.
   [[nodiscard]] ModelAndTarget Tried(const std::vector<size_t>& varied,
                                      bool models,
                                      TargetQuestion question) const {

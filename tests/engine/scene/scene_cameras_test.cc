@@ -230,7 +230,7 @@ TEST(SceneCameras, OfKnownPlenopticOnesFollowAKnownPair) {
 TEST(SceneCameras, OfAPlenopticOneHaveTheScaleOfItsSensorsDistance) {
   MadeScene made;
   CameraInput& camera = made.Add("focused-plenoptic", {}, kPlenoptic, true, {});
-  // The virtual image tells b_L0 + B; lengths are up to the scale that B gives.
+  // The virtual image determines b_L0 + B; lengths are up to the scale that B gives.
   camera.fixed[0] = false;
   const Calibration found = made.Calibrate(9);
   EXPECT_NEAR(made.Scale(found), 1, 0.05);
