@@ -106,6 +106,8 @@ def main():
         parser.error("the page has the numbers of the long run")
     machine, failed, text = Machine(options), False, PAGE.read_text()
     chosen = [row for row in rows() if re.search(options.only, row[-1])]
+    if not chosen:
+        parser.error(f"no row matches {options.only}")
     if options.check:
         for _, commands, row in chosen:
             if not commands or row.count("|") != HEAD.count("|"):
