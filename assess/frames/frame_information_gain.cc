@@ -12,7 +12,7 @@
 namespace plenocal {
 namespace {
 
-// A frame at the end of a rig's frames.
+// The only frame of a rig without frames.
 void Append(const RigidTransform& T_rig_target, const std::vector<View>& views, RigEstimate* rig) {
   Bundle& bundle = rig->bundle;
   std::map<int, int> index;
@@ -37,10 +37,6 @@ void Append(const RigidTransform& T_rig_target, const std::vector<View>& views, 
                              {},
                              &BundleObservation::marker);
   }
-  if (bundle.jitter.misplaced.empty()) return;
-  const size_t all = bundle.T_rig_target.size() * bundle.cameras.size();
-  bundle.jitter.delta.resize(all, Vector6d::Zero());
-  bundle.jitter.misplaced.resize(all, false);
 }
 
 RigEstimate WithoutFrames(RigEstimate rig) {

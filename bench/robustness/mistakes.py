@@ -55,7 +55,7 @@ MISTAKES = {
         ("engine/scene/track/epipolar_search.cc", "second.camera->T_camera_rig * camera.T_camera_rig.Inverse()",
          "camera.T_camera_rig * second.camera->T_camera_rig.Inverse()"),
         ("engine/resample/rectify.cc", "-pair.baseline", "pair.baseline"),
-        ("calib/estimate/start_rig.cc", "*known * T_camera_rig[best_from].Inverse()", "T_camera_rig[best_from].Inverse() * *known"),
+        ("calib/estimate/start_rig.cc", "Medoid(best) * T_camera_rig[best_from]", "T_camera_rig[best_from] * Medoid(best)"),
         ("calib/prior/calibrated_rig.cc", "prior_.T_camera_rig.push_back(camera.T_camera_rig * master.T_camera_rig.Inverse());",
          "prior_.T_camera_rig.push_back(master.T_camera_rig * camera.T_camera_rig.Inverse());"),
         ("calib/rig/hand_eye.cc", "R_XB * t_Y + R_X * pair.B.t + t_X - pair.A.t", "R_XB * t_Y + R_XB * pair.B.t + t_X - pair.A.t"),
@@ -106,7 +106,6 @@ MISTAKES = {
         ("calib/space/point_derivative.cc", "if (!model.homogeneous) out->by_h -= by_camera_point * at / scale;", ""),
         ("calib/prior/merge.cc", "merged->scale * merged->scale", "merged->scale"),
         ("calib/estimate/reject.cc", "kFalseRejections / static_cast<double>(std::max<size_t>(1, lengths.size()))", "kFalseRejections"),
-        ("assess/frames/frame_information_gain.cc", "bundle.jitter.misplaced.resize(all, false);", ""),
     ],
     LIMIT: [
         ("calib/estimate/reject.cc", "2 * good >= end - begin", "good > 0"),

@@ -95,7 +95,7 @@ std::vector<RigidTransform> GuessRig(std::span<const CameraInput> cameras,
     if (best.empty()) {
       const auto [known, to] = EarlierPlace(earlier, linked, T_camera_rig);
       if (!known) FailUnlinked(cameras, linked);
-      best = {*known * T_camera_rig[best_from].Inverse()};
+      best = {*known};  // from the first camera, whose frame is the rig's
       best_to = to;
     }
     T_camera_rig[best_to] = Medoid(best) * T_camera_rig[best_from];

@@ -135,6 +135,12 @@ TEST_F(MergeTest, OfOneCalibrationIsThatCalibration) {
   EXPECT_EQ(merged.correlations.names, parts[0].correlations.names);
   EXPECT_LT((found - given).norm(), 1e-6);
   EXPECT_LT((merged.cameras[2].sigma_xi - parts[0].cameras[2].sigma_xi).norm(), 1e-9);
+  for (size_t c = 0; c < 3; ++c) {
+    const Eigen::MatrixXd &own = merged.cameras[c].covariance, &of = parts[0].cameras[c].covariance;
+    EXPECT_LT((own - of).norm(), 1e-6 * of.norm()) << c;
+    // Also of the small ones.
+    EXPECT_NEAR(own(4, 6) / of(4, 6), 1, 1e-4) << c;
+  }
 }
 
 TEST_F(MergeTest, ScalesStandardErrorsOfCalibrationsThatDisagree) {

@@ -150,6 +150,12 @@ TEST(SceneFindings, APathHasToTurnBy12Degrees) {
   EXPECT_EQ(found[0].grade, Grade::kGood);
   EXPECT_EQ(found[0].what,
             "left: the camera never turned (by at most 11.9 degrees): f_y known to 2.5e-10 %.");
+  // In any frame of the scene.
+  Calibration turned = Seen({Pinhole("left")}, 11.94, 1, {1, 2, 3});
+  const Eigen::Matrix3d R = ExpRotation({0.4, -0.7, 1.1});
+  for (RigidTransform& T : turned.bundle.T_rig_target) T.R = (T.R * R.transpose()).eval();
+  for (BundleMarker& marker : turned.bundle.markers) marker.position = (R * marker.position).eval();
+  EXPECT_NEAR(FindingsOfScene(turned).at(0).value.value(), 11.94, 1e-9);
 }
 
 TEST(SceneFindings, APathHasToMoveByAFiftiethOfTheDistance) {
