@@ -17,7 +17,8 @@ namespace plenocal {
 /// Information on parameters and extrinsics (the first `head` unknowns, in the order of
 /// `internal::UnknownLayout`) and on the chart of T_rig_target in each frame.
 struct PoseSystem {
-  Eigen::MatrixXd information;  ///< lower triangle; with all priors
+  /// Lower triangle; with measured distances and the calibration prior, without `ParamPriors`.
+  Eigen::MatrixXd information;
   int head = 0;
   std::vector<int> pose;  ///< per frame: index of its six unknowns; -1: held or not observed
   /// Index of the three unknowns of landmarks that are not eliminated, since a measured distance
