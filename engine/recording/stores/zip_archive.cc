@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <new>
 #include <set>
 #include <utility>
 
@@ -139,6 +140,43 @@ std::vector<FrameImage> ZipImages(const std::filesystem::path& archive,
   }
   std::ranges::stable_sort(images, NaturalLess, &FrameImage::frame);
   return images;
+}
+
+std::string ZipBytes(const OutputContents& files) {
+  zip_error_t error;
+  zip_error_init(&error);
+  zip_source_t* const bytes = zip_source_buffer_create(nullptr, 0, 0, &error);
+  zip_t* const archive =
+      bytes == nullptr ? nullptr : zip_open_from_source(bytes, ZIP_TRUNCATE, &error);
+  if (archive == nullptr) throw std::bad_alloc();
+  zip_source_keep(bytes);  // beyond the archive's end
+  const std::unique_ptr<zip_source_t, void (*)(zip_source_t*)> kept(bytes, zip_source_free);
+  bool done = true;
+  for (const auto& [name, content] : files) {
+    zip_source_t* const file = zip_source_buffer(archive, content.data(), content.size(), 0);
+    const zip_int64_t index = zip_file_add(archive, name.c_str(), file, ZIP_FL_ENC_UTF_8);
+    constexpr zip_uint16_t kMidnight = 0, kFirstDay = (1 << 5) + 1;  // 1 January 1980
+    done = done && index >= 0 &&
+           zip_file_set_dostime(
+               archive, static_cast<zip_uint64_t>(index), kMidnight, kFirstDay, 0) == 0;
+  }
+  if (!done || zip_close(archive) != 0) {
+    const std::string reason = zip_strerror(archive);
+    zip_discard(archive);
+    throw JobError("cannot make a zip archive: {}", reason);
+  }
+  zip_stat_t size;
+  zip_stat_init(&size);
+  std::string packed;
+  if (zip_source_stat(bytes, &size) == 0 && zip_source_open(bytes) == 0) {
+    packed.resize(size.size);
+    if (zip_source_read(bytes, packed.data(), packed.size()) !=
+        static_cast<zip_int64_t>(packed.size())) {
+      packed.clear();
+    }
+    zip_source_close(bytes);
+  }
+  return packed;
 }
 
 }  // namespace plenocal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Zip archives of images, read in place.
+// Zip archives of images, read in place, and of results.
 #pragma once
 
 #include <cstddef>
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/files/frame_images.h"
+#include "calib/io/output_folder.h"
 
 struct zip;
 
@@ -56,5 +57,9 @@ std::vector<std::string> ImageFoldersIn(const ZipArchive& archive);
 std::vector<FrameImage> ZipImages(const std::filesystem::path& archive,
                                   const std::string& folder,
                                   const std::string& what);
+
+/// A zip archive of these files, in memory. Equal files give equal bytes, on every day and in every
+/// time zone.
+std::string ZipBytes(const OutputContents& files);
 
 }  // namespace plenocal
