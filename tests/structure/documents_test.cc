@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <regex>
 #include <set>
 #include <string>
@@ -131,6 +132,25 @@ TEST(Documents, NameFilesThatExist) {
     });
   }
   EXPECT_GT(checked, 30);
+}
+
+TEST(Documents, StateOneVersion) {
+  const std::map<std::string, std::string> statements{
+      {"CMakeLists.txt", R"(  VERSION (\d+\.\d+\.\d+))"},
+      {"CITATION.cff", R"(version: (\d+\.\d+\.\d+))"},
+      {"package.xml", R"( *<version>(\d+\.\d+\.\d+)</version>)"},
+      {"CHANGELOG.md", R"(## \[(\d+\.\d+\.\d+)\] - (unreleased|\d{4}-\d\d-\d\d))"}};
+  std::set<std::string> versions;
+  for (const auto& [file, statement] : statements) {
+    std::string first;  // the newest of CHANGELOG.md
+    for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / file)) {
+      std::smatch match;
+      if (first.empty() && std::regex_match(line, match, std::regex(statement))) first = match[1];
+    }
+    EXPECT_FALSE(first.empty()) << file;
+    versions.insert(first);
+  }
+  EXPECT_EQ(versions.size(), 1U);
 }
 
 // What stands between backticks in a cell of a table's row, with the heading of its section.
