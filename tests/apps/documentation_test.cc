@@ -13,7 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/recording/messages/bag_file.h"
 #include "tests/apps/workspace.h"
+#include "tests/engine/recording/message_bytes.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -78,6 +80,46 @@ TEST_F(Documentation, BadSetsOfTheRecordingGuideGetTheVerdictsItNames) {
     const YAML::Node camera = Result(fmt::format("results/{}", kind))["cameras"]["cam"];
     EXPECT_NEAR(camera["residuals"]["rms"].as<double>(), 0.132, 0.008) << kind;
   }
+}
+
+/// The 13 pairs of the chessboard as a bag of ROS 1, a second apart.
+std::string StereoBag() {
+  const fs::path images = fs::path(PLENOCAL_TEST_DATA) / "frames/stereo_chess_opencv";
+  const std::vector<std::string> sides{"left", "right"};
+  std::string bag(kBagMagic);
+  for (int side = 0; side < 2; ++side) {
+    bag += BagConnection(
+        side, "/" + sides[side] + "/image_raw/compressed", "sensor_msgs/CompressedImage");
+  }
+  for (std::uint32_t number = 1; number <= 14; ++number) {
+    for (int side = 0; side < 2; ++side) {
+      std::ifstream file(images / fmt::format("{}{:02}.jpg", sides[side], number),
+                         std::ios::binary);
+      if (!file) continue;  // there is no tenth
+      const std::string jpeg(std::istreambuf_iterator<char>(file), {});
+      bag += BagMessage(side,
+                        number,
+                        0,
+                        MessageWriter(MessageWriter::Form::kRos1)
+                            .Header(number, 0)
+                            .Text("jpeg")
+                            .Bytes(jpeg)
+                            .Done());
+    }
+  }
+  return bag;
+}
+
+TEST_F(Documentation, ABagOfRosIsCalibratedAndGoesBackToItsTools) {
+  Write("calibration.bag", StereoBag());
+  RunExamplesOf("ros.md");
+  const Eigen::Matrix4d T = Matrix(Result("OUT")["cameras"]["right"]["T_camera_rig"]);
+  // OpenCV's (tests/data), which takes the bent board for flat and finds it in ten of the pairs.
+  constexpr double kBaseline = 3.3106 * 0.025, kRelative = 0.01;
+  EXPECT_NEAR((T.topRightCorner<3, 1>().norm()), kBaseline, kRelative * kBaseline);
+  constexpr double kRounding = 1e-9;  // of the files' digits
+  EXPECT_LT((Matrix(Result("EARLIER")["cameras"]["right"]["T_camera_rig"]) - T).norm(), kRounding);
+  EXPECT_LT((Matrix(Result("CAMCHAIN")["cameras"]["cam1"]["T_camera_rig"]) - T).norm(), kRounding);
 }
 
 // The ```yaml blocks of a document, without the blanks that all lines of a block begin with.
