@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Types each way of installation of the README on a bare Debian 12 and calibrates there.
+"""Types each way of installation of the README on a bare Debian and calibrates there.
 
     bench/bare_machine                   # all ways
     bench/bare_machine wheel deb         # these alone
+    bench/bare_machine --suite trixie wheel source sdist      # on Debian 13
     bench/bare_machine --ccache source   # with the compiler cache of this machine: for a second look, not for times
 
-A bare Debian 12 is debootstrap's smallest one (package `debootstrap`) in build/bare; each way has a copy of it, entered with
-chroot in its own namespaces. Needs root. `wheel` and `deb` take what scripts/wheel and scripts/deb have made, `sdist` what
-`python -m build --sdist` makes of the tree, `source` a clone of the last commit, and `container` executes the Dockerfile's
-steps on such a clone, in place of a container engine. Prints the time until everything is installed and the time of the
-first calibration, 13 images of a chessboard, by the program and from Python. Exit status 1 when a way failed.
+A bare Debian is debootstrap's smallest one (package `debootstrap`) in build/bare; each way has a copy of it, entered with
+chroot in its own namespaces. Debian 12, unless `--suite` names another; the Dockerfile names its own. Needs root. `wheel`
+and `deb` take what scripts/wheel and scripts/deb have made on this system, `sdist` what `python -m build --sdist` makes of
+the tree, `source` a clone of the last commit, and `container` executes the Dockerfile's steps on such a clone, in place of
+a container engine. Prints the time until everything is installed and the time of the first calibration, 13 images of a
+chessboard, by the program and from Python. Exit status 1 when a way failed.
 """
 import glob
 import os
@@ -30,6 +32,7 @@ BARE = ROOT / "build/bare"
 IMAGES = ROOT / "tests/data/frames/stereo_chess_opencv"
 # How this machine reaches the network.
 NETWORK = ["/etc/resolv.conf", "/etc/ssl/certs/ca-certificates.crt", "/etc/pip.conf", "/etc/npmrc", "/root/.npmrc"]
+PYTHONS = {"bookworm": "cp311", "trixie": "cp313"}  # of the suites that are known
 PROGRAM = "plenocal calibrate '/data/left*.jpg' --target chessboard:9x6:25mm -o /tmp/OUT && test -s /tmp/OUT/calibration.yaml"
 PYTHON = """
 import numpy
@@ -42,12 +45,14 @@ print(camera.project(numpy.array([[0.1, 0.0, 1.0]])))
 class Machine:
     """A copy of the bare Debian in which commands are run as root."""
 
-    def __init__(self, name):
-        base = BARE / "base"
+    suite = "bookworm"
+
+    def __init__(self, name, suite=None):
+        base = BARE / f"base-{suite or self.suite}"
         if not (base / "complete").exists():
             shutil.rmtree(base, ignore_errors=True)
             base.mkdir(parents=True)
-            run(["debootstrap", "--variant=minbase", "--include=ca-certificates", "bookworm", base,
+            run(["debootstrap", "--variant=minbase", "--include=ca-certificates", suite or self.suite, base,
                  "http://deb.debian.org/debian"], BARE / "debootstrap.log")
             (base / "complete").touch()
         self.root, self.log = BARE / name, BARE / f"{name}.log"
@@ -95,7 +100,7 @@ def newest(pattern):
 
 
 def install_wheel(options):
-    machine, wheel = Machine("wheel"), newest("build/wheel/plenocal-*-cp311-*.whl")
+    machine, wheel = Machine("wheel"), newest(f"build/wheel/plenocal-*-{PYTHONS[Machine.suite]}-*.whl")
     machine.copy([wheel], "/tmp/")
     begin = time.monotonic()
     machine.run("apt-get update -qq && apt-get install -y -qq --no-install-recommends python3 python3-venv")
@@ -143,7 +148,7 @@ def install_container(options):
         word, _, rest = line.partition(" ")
         if word == "FROM":
             name = rest.partition(" AS ")[2] or "container"
-            machine, folder, user = Machine(name), "/", "root"
+            machine, folder, user = Machine(name, re.match(r"debian:(\w+)", rest)[1]), "/", "root"
             stages[name] = machine
         elif word == "WORKDIR":
             folder = rest
@@ -169,10 +174,12 @@ WAYS = {"wheel": install_wheel, "deb": install_deb, "source": install_source, "s
 def main():
     parser = common.parser(__doc__, plenocal=None)
     parser.add_argument("ways", nargs="*", metavar="way", help=f"default: all of {', '.join(WAYS)}")
+    parser.add_argument("--suite", choices=PYTHONS, default=Machine.suite, help="of Debian (default: %(default)s)")
     parser.add_argument("--ccache", action="store_true", help="compile with this machine's compiler cache")
     options = parser.parse_args()
     if unknown := set(options.ways) - set(WAYS):
         parser.error(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(WAYS)}")
+    Machine.suite = options.suite
     common.head("way", "installed after, s", "calibrated after, s", "disk, MB")
     failed = False
     for way in options.ways or WAYS:
