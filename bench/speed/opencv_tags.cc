@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // opencv_tags FOLDER: what render_tags wrote, from images to the calibration by OpenCV: ArUco with
-// corners by cornerSubPix, both cameras each for itself, then together. Prints the number of corners
-// and the RMS, px.
+// corners by cornerSubPix, both cameras each for itself, then together. Prints the number of
+// corners and the RMS, px.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -38,12 +38,13 @@ using Corners = std::map<int, cv::Point2f>;
 
 Corners Detect(const fs::path& file) {
   const cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE);
-  const auto parameters = cv::aruco::DetectorParameters::create();
+  const auto parameters = cv::makePtr<cv::aruco::DetectorParameters>();
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
   std::vector<Points2> tags;
   std::vector<int> ids;
   cv::aruco::detectMarkers(image,
-                           cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11),
+                           cv::makePtr<cv::aruco::Dictionary>(
+                               cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11)),
                            tags,
                            ids,
                            parameters);

@@ -177,9 +177,8 @@ class CharucoDetector final : public MarkerDetector {
  public:
   CharucoDetector(const CharucoLayout& board, const OtherTargets& others)
       : board_(board),
-        dictionary_(
-            cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary))),
-        parameters_(cv::aruco::DetectorParameters::create()),
+        dictionary_(cv::makePtr<cv::aruco::Dictionary>(
+            cv::aruco::getPredefinedDictionary(internal::ArucoDictionaryIndex(board.dictionary)))),
         layouts_(LayoutsOf(board)) {
     const int available = dictionary_->bytesList.rows;
     for (const Layout& layout : layouts_) {
@@ -334,7 +333,8 @@ class CharucoDetector final : public MarkerDetector {
 
   CharucoLayout board_;
   cv::Ptr<cv::aruco::Dictionary> dictionary_;
-  cv::Ptr<cv::aruco::DetectorParameters> parameters_;
+  const cv::Ptr<cv::aruco::DetectorParameters> parameters_ =
+      cv::makePtr<cv::aruco::DetectorParameters>();
   std::vector<Layout> layouts_;
   std::vector<internal::TagPositions> targets_;  // its own layouts, then its others'; empty: none
 };

@@ -113,13 +113,13 @@ constexpr std::array<std::string_view, 5> kDictionaries{
     "DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"};
 
 void ReadAruco(const cv::Mat& gray, Seen* seen) {
-  const auto parameters = cv::aruco::DetectorParameters::create();
+  const auto parameters = cv::makePtr<cv::aruco::DetectorParameters>();
   parameters->errorCorrectionRate = 0;  // near misses of a wrong dictionary count for nothing
   for (const std::string_view name : kDictionaries) {
     const auto place =
         std::ranges::find(internal::kArucoDictionaries, name, &internal::CodeBook::name);
-    const auto dictionary = cv::aruco::getPredefinedDictionary(
-        static_cast<int>(place - internal::kArucoDictionaries.begin()));
+    const auto dictionary = cv::makePtr<cv::aruco::Dictionary>(cv::aruco::getPredefinedDictionary(
+        static_cast<int>(place - internal::kArucoDictionaries.begin())));
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
     cv::aruco::detectMarkers(gray, dictionary, corners, ids, parameters);

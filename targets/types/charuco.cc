@@ -169,16 +169,22 @@ std::vector<Eigen::Vector2i> MarkedSquares(const CharucoLayout& board, bool lega
 }
 
 CharucoMarkers DrawCharucoMarkers(const CharucoLayout& board) {
-  const auto dictionary =
-      cv::aruco::getPredefinedDictionary(ArucoDictionaryIndex(board.dictionary));
-  CharucoMarkers drawn{.width = dictionary->markerSize + 2, .markers = {}};
+  // OpenCV 4.6 returns a pointer, its successors a dictionary.
+  const cv::aruco::Dictionary dictionary(
+      cv::aruco::getPredefinedDictionary(ArucoDictionaryIndex(board.dictionary)));
+  const int bits = dictionary.markerSize;
+  CharucoMarkers drawn{.width = bits + 2, .markers = {}};
   int id = 0;
   for (const Eigen::Vector2i& square : MarkedSquares(board, board.legacy.value_or(false))) {
-    cv::Mat cells;
-    dictionary->drawMarker(id++, drawn.width, cells, 1);  // a pixel a cell
+    const cv::Mat code =
+        cv::aruco::Dictionary::getBitsFromByteList(dictionary.bytesList.rowRange(id, id + 1), bits);
+    ++id;
     CharucoMarkers::Marker marker{.square = square, .white = {}};
-    for (int y = 0; y < drawn.width; ++y) {
-      for (int x = 0; x < drawn.width; ++x) marker.white.push_back(cells.at<uchar>(y, x) != 0);
+    for (int y = -1; y <= bits; ++y) {
+      for (int x = -1; x <= bits; ++x) {
+        const bool border = std::min(x, y) < 0 || std::max(x, y) == bits;
+        marker.white.push_back(!border && code.at<uchar>(y, x) != 0);
+      }
     }
     drawn.markers.push_back(std::move(marker));
   }

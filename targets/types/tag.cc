@@ -93,7 +93,7 @@ double ReadGap(const YamlNode& node, double size) {
 }  // namespace
 
 Target TagLayout::ReadTags(const YamlNode& node) {
-  const CodeBook& family = ReadFamily(node.At("family"));
+  const CodeBook family = ReadFamily(node.At("family"));
   Target target;
   TagLayout layout;
   layout.family = family.name;
@@ -123,7 +123,7 @@ Target TagLayout::ReadTags(const YamlNode& node) {
 }
 
 Target TagLayout::ReadGrid(const YamlNode& node) {
-  const CodeBook& family =
+  const CodeBook family =
       node.Has("family") ? ReadFamily(node.At("family")) : internal::kDefaultFamily;
   internal::TagGrid grid;
   grid.columns = ReadCount(node.At("columns"), 1);

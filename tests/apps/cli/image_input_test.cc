@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -12,6 +11,7 @@
 #include <set>
 
 #include "tests/apps/chessboard_images.h"
+#include "tests/targets/aruco_cells.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -134,10 +134,10 @@ TEST_F(Images, GiveTheSameBytesOnAnyNumberOfThreads) {
 
 TEST_F(Images, OfATagThatStandsTwiceInThemLoseThatTag) {
   cv::Mat image(480, 640, CV_8UC1, cv::Scalar(230));
-  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
+  const auto dictionary = ArucoDictionary(cv::aruco::DICT_APRILTAG_36h11);
   const auto paint = [&](int id, int x, int y) {
     cv::Mat tag;
-    cv::aruco::drawMarker(dictionary, id, 96, tag);
+    cv::resize(255 * ArucoCells(*dictionary, id), tag, {96, 96}, 0, 0, cv::INTER_NEAREST);
     tag.copyTo(image(cv::Rect(x, y, tag.cols, tag.rows)));
   };
   paint(0, 50, 50);

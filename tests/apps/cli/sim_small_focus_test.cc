@@ -8,13 +8,13 @@
 #include <cmath>
 #include <fstream>
 #include <iterator>
-#include <opencv2/aruco.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
 #include "tests/apps/workspace.h"
 #include "tests/optional_data.h"
+#include "tests/targets/aruco_cells.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -49,8 +49,7 @@ float Quantile(std::vector<float> values, double share) {
 std::vector<std::vector<cv::Point2f>> TagsIn(const cv::Mat& image) {
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(
-      image, cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11), corners, ids);
+  cv::aruco::detectMarkers(image, ArucoDictionary(cv::aruco::DICT_APRILTAG_36h11), corners, ids);
   return corners;
 }
 

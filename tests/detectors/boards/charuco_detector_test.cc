@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <opencv2/aruco.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
@@ -13,6 +12,7 @@
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
+#include "tests/targets/aruco_cells.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -32,13 +32,13 @@ Target Charuco(int columns, int rows) {
 /// In squares from the board's top left corner; white all around. `first_white`: a marker is in the
 /// top left square.
 GrayFunction Board(int columns, int rows, bool first_white, bool inverted = false) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_100);
+  const auto dictionary = ArucoDictionary(cv::aruco::DICT_4X4_100);
   std::map<std::pair<int, int>, cv::Mat> markers;
   int id = 0;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       if (((row + column) % 2 == 0) != first_white) continue;
-      dictionary->drawMarker(id++, 6, markers[{column, row}], 1);  // a pixel a cell
+      markers[{column, row}] = ArucoCells(*dictionary, id++);
     }
   }
   return [=](const Eigen::Vector2d& p) {

@@ -11,10 +11,10 @@
 
 #include <cstdlib>
 #include <memory>
-#include <opencv2/aruco.hpp>
 
 #include "targets/tags/tag_family.h"
 #include "targets/types/charuco.h"
+#include "tests/targets/aruco_cells.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -33,8 +33,7 @@ TEST(CodeBooks, HaveAsManyTagsAsTheLibrary) {
 
 TEST(CodeBooks, HaveAsManyMarkersAsOpenCv) {
   for (const CodeBook& book : kArucoDictionaries) {
-    const auto dictionary =
-        cv::aruco::getPredefinedDictionary(ArucoDictionaryIndex(std::string(book.name)));
+    const auto dictionary = testing::ArucoDictionary(ArucoDictionaryIndex(std::string(book.name)));
     EXPECT_EQ(dictionary->bytesList.rows, book.size) << book.name;
   }
 }
