@@ -1,4 +1,4 @@
-# Packages for Debian 12 (scripts/deb): plenocal, libplenocal-dev, python3-plenocal.
+# Packages for the Debian that makes them (scripts/deb): plenocal, libplenocal-dev, python3-plenocal.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME plenocal)
 set(CPACK_PACKAGE_VENDOR "The Plenocal contributors")
@@ -14,6 +14,8 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program dev)
 if(PLENOCAL_PYTHON)
   list(APPEND CPACK_COMPONENTS_ALL python)
+  find_package(Python REQUIRED COMPONENTS Interpreter) # the extension belongs to its minor version
+  math(EXPR next "${Python_VERSION_MINOR} + 1")
 endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
@@ -26,7 +28,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_NAME libplenocal-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-plenocal)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next}), python3-numpy")
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
     "libceres-dev, libeigen3-dev, libfmt-dev, libgoogle-glog-dev, libpugixml-dev, libyaml-cpp-dev")
 # It has the program that decodes videos.
