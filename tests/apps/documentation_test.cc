@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The documents' examples, run as a reader would: the lines of all ```sh blocks of a document, in
-// order, in a folder that has the project's `examples`.
+// order, in a folder that has the project's `examples` and `tests/data`.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,12 +10,14 @@
 #include <fstream>
 #include <iterator>
 #include <regex>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "engine/recording/messages/bag_file.h"
 #include "tests/apps/workspace.h"
 #include "tests/engine/recording/message_bytes.h"
+#include "tests/optional_data.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -43,6 +45,8 @@ class Documentation : public Workspace {
     ASSERT_TRUE(any) << "no ```sh block in " << path;
     Write("script", script);
     fs::copy(PLENOCAL_EXAMPLES, Path("examples"), fs::copy_options::recursive);
+    fs::create_directories(Path("tests"));
+    fs::create_directory_symlink(PLENOCAL_TEST_DATA, Path("tests/data"));
     const std::string command = fmt::format("cd '{}' && bash script >log 2>&1", Path("").string());
     ASSERT_EQ(std::system(command.c_str()), 0) << Read("log");
   }
@@ -120,6 +124,86 @@ TEST_F(Documentation, ABagOfRosIsCalibratedAndGoesBackToItsTools) {
   constexpr double kRounding = 1e-9;  // of the files' digits
   EXPECT_LT((Matrix(Result("EARLIER")["cameras"]["right"]["T_camera_rig"]) - T).norm(), kRounding);
   EXPECT_LT((Matrix(Result("CAMCHAIN")["cameras"]["cam1"]["T_camera_rig"]) - T).norm(), kRounding);
+}
+
+// Of a camera that a page calibrates; the figures are those that the page states.
+double Rms(const YAML::Node& calibration, const std::string& camera) {
+  return calibration["cameras"][camera]["residuals"]["rms"].as<double>();
+}
+
+TEST_F(Documentation, FromOpenCvAPairGoesThereAndBack) {
+  RunExamplesOf("from_opencv.md");
+  EXPECT_THAT(Read("log"), HasSubstr("\nsame within uncertainty"));
+  for (const char* name : {"M1: ", "D1: ", "M2: ", "D2: ", "R: ", "T: "}) {
+    EXPECT_THAT(Read("stereo.yml"), HasSubstr(name));
+  }
+  EXPECT_EQ(std::distance(fs::directory_iterator(Path("rectified/left")), {}), 9);
+}
+
+TEST_F(Documentation, FromKalibrAPairGoesThereAndBack) {
+  RunExamplesOf("from_kalibr.md");
+  EXPECT_THAT(Read("log"), HasSubstr("\nsame within uncertainty"));
+  EXPECT_THAT(Verdict("result"), HasSubstr("This calibration is good"));
+  EXPECT_THAT(Read("camchain.yaml"), HasSubstr("distortion_model: equidistant"));
+  EXPECT_THAT(Read("camchain.yaml"), HasSubstr("T_cn_cnm1"));
+}
+
+TEST_F(Documentation, FromMatlabAPairGoesThereAndBack) {
+  RunExamplesOf("from_matlab.md");
+  EXPECT_THAT(Read("log"), HasSubstr("\nsame within uncertainty"));
+  EXPECT_THAT(Read("stereo.mat"), HasSubstr("RadialDistortion1"));
+}
+
+TEST_F(Documentation, FromMrcalCornersAndModelsAreRead) {
+  const fs::path set = OptionalData("frames/corners_mrcal_figueroa");
+  if (!fs::exists(set)) GTEST_SKIP() << Absent(set);
+  RunExamplesOf("from_mrcal.md");
+  EXPECT_NEAR(Rms(Result("result"), "camera"), 0.61, 0.005);
+  EXPECT_THAT(Verdict("result"), HasSubstr("the residuals have a pattern"));
+  EXPECT_THAT(Read("camera.cameramodel"), HasSubstr("LENSMODEL_OPENCV8"));
+}
+
+TEST_F(Documentation, FromCompoteObservationsGiveTheFiguresOfItsPage) {
+  const fs::path set = OptionalData("plenoptic_real/r12a");
+  if (!fs::exists(set)) GTEST_SKIP() << Absent(set);
+  RunExamplesOf("from_compote.md");
+  const YAML::Node values = Result("r12a")["cameras"]["r12"]["parameters"];
+  EXPECT_NEAR(values["f_L"].as<double>(), 51.60e-3, 0.005e-3);
+  EXPECT_NEAR(values["b_L0"].as<double>(), 58.68e-3, 0.005e-3);
+  EXPECT_NEAR(values["B"].as<double>(), 0.388e-3, 0.0005e-3);
+}
+
+TEST_F(Documentation, WhereOpenCvFailsCornersAreFoundAndAFisheyeIsCalibrated) {
+  for (const char* name : {"frames/charuco_lifecam", "frames/mono_fisheye_ocamcalib"}) {
+    const fs::path set = OptionalData(name);
+    if (!fs::exists(set)) GTEST_SKIP() << Absent(set);
+  }
+  RunExamplesOf("opencv_fails.md");
+  EXPECT_THAT(Read("log"), HasSubstr("cam: 13 images, target found in 13, 631 points"));
+  EXPECT_NEAR(Rms(Result("fisheye"), "cam"), 0.20, 0.005);
+  EXPECT_THAT(Read("fisheye.yml"), HasSubstr("fisheye_model: 1"));
+}
+
+TEST_F(Documentation, CommandsOfEachPageAreRunOrNameTheReadersFiles) {
+  const std::set<std::string> others{
+      "data.md",                 // ctest
+      "first_plenoptic_rig.md",  // a minute of a core: scripts/pictures runs it
+      "fleet.md",                // the reader's plan
+      "new_model.md",            // scripts/add
+      "python.md",               // installation
+      "suggest.md",              // the reader's images
+      "workbench.md",            // a server
+  };
+  std::ifstream file(__FILE__);
+  const std::string own(std::istreambuf_iterator<char>(file), {});
+  for (const auto& entry : fs::directory_iterator(PLENOCAL_DOCS)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() != ".md" || others.contains(name)) continue;
+    std::ifstream page(entry.path());
+    const std::string text(std::istreambuf_iterator<char>(page), {});
+    if (text.find("\n```sh\n") == std::string::npos) continue;
+    EXPECT_THAT(own, HasSubstr("RunExamplesOf(\"" + name + "\")")) << "add a test of this page";
+  }
 }
 
 // The ```yaml blocks of a document, without the blanks that all lines of a block begin with.
