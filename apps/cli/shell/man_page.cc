@@ -117,6 +117,7 @@ constexpr const char* kEnvironment =
     ".TP\n0\nDone.\n"
     ".TP\n1\nThe job failed, or a calibration does not hold any more; one line states the cause.\n"
     ".TP\n2\nThe command line or an input file is wrong.\n"
+    ".TP\n3\nResults are written, but the verdict is worse than \\fB\\-\\-require\\fR, or an acceptance fails.\n"
     ".TP\n130\nInterrupted by Ctrl\\-C.\n";
 
 }  // namespace

@@ -135,7 +135,8 @@ TEST_F(CommandLine, ManPagesHaveTheTextOfTheHelp) {
   EXPECT_THAT(Read("man1/plenocal.1"),
               AllOf(StartsWith(".TH plenocal 1"),
                     HasSubstr("\n.TP\n\\fBcalibrate\\fR\n"),
-                    HasSubstr("PLENOCAL_PLUGINS")));
+                    HasSubstr("PLENOCAL_PLUGINS"),
+                    HasSubstr("\n.TP\n3\n")));  // each exit status of docs/guide.md
   EXPECT_THAT(Read("man1/plenocal-rectify.1"),
               AllOf(HasSubstr("plenocal\\-rectify \\- "),
                     HasSubstr("\\-\\-out"),
