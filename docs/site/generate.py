@@ -98,7 +98,7 @@ def document(path: pathlib.Path) -> str:
         fence ^= line.lstrip().startswith("```")
         if not fence:
             lines[i] = re.sub(r"(\])\(([^)\s]+)\)", link, line)
-            lines[i] = re.sub(r"(?<=\[)\w+\.md(?=\])", lambda name: TITLES.get(name[0], name[0]).lower(), lines[i])
+            lines[i] = re.sub(r"(?<=\[)\w+\.md(?=\])", lambda name: TITLES[name[0]].lower() if name[0] in TITLES else name[0], lines[i])
             if line.startswith("|"):  # GitHub wants a backslash also in code
                 lines[i] = re.sub(r"`[^`]*`", lambda code: code[0].replace("\\|", "|"), lines[i])
             if line.startswith("#") and "<" in line:  # GitHub's anchor; Python-Markdown's leaves out what looks like a tag
@@ -210,7 +210,7 @@ def declaration(member: xml.Element) -> str:
     kind, name = member.get("kind"), member.findtext("name")
     template = ", ".join(" ".join(filter(None, (words(p.find("type")), p.findtext("declname")))) for p in member.findall("templateparamlist/param"))
     head = f"template <{template}>\n" if template else ""
-    type_ = words(member.find("type"))
+    type_ = "static " * (member.get("static") == "yes" and kind == "function") + re.sub(r" ([&*]+)$", r"\1", words(member.find("type")))
     if kind == "enum":
         return f"enum class {name} {{ {', '.join(v.findtext('name') or '' for v in member.findall('enumvalue'))} }};"
     if kind == "typedef":
@@ -300,6 +300,7 @@ EXTRACT_ALL = YES
 def python() -> list[dict[str, str]]:
     for source in sorted((ROOT / "python/plenocal").glob("*.py*")):  # examples of docstrings as blocks of code
         text = re.sub(r"^( *)>>> .*\n(?:\1(?!\"\"\").+\n)*", r"\1```pycon\n\g<0>\1```\n", source.read_text(), flags=re.MULTILINE)
+        text = re.sub(r"(`[^`\n]*`)|<(?=\w+>)", lambda match: match[1] or "&lt;", text)
         write(f"../python/plenocal/{source.name}", text)
     package = (ROOT / "python/plenocal/__init__.py").read_text()
     exported = set(re.findall(r'^    "(\w+)",$', package, re.MULTILINE))
