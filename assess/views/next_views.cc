@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "assess/views/candidates.h"
 #include "assess/views/information_state.h"
 #include "assess/views/optimal_design.h"
 #include "assess/views/view_information.h"
@@ -36,10 +37,13 @@ class NextViewChooser::Impl {
 
   NextViews Run(RigEstimate rig) {
     rig_ = std::move(rig);
-    const bool stay = CandidatesStay();
+    std::vector<CandidateBasis> cameras = Cameras();
+    // A choice that failed leaves none.
+    const bool stay = !fine_.poses.empty() && CandidatesStay(cameras_, cameras, unknowns_);
     if (!stay) {
-      ranges_ = Ranges();
-      distances_ = Distances();
+      fine_ = {};
+      cameras_ = std::move(cameras);
+      distances_ = JudgedDistances(cameras_, IsPlenoptic());
       unknowns_ = MakeRigUnknowns(rig_.bundle, distances_[0]);
     }
     predictor_.emplace(rig_, unknowns_, shape_);
@@ -89,82 +93,48 @@ class NextViewChooser::Impl {
     std::vector<TargetPose> poses;
 
     size_t Add(const TargetPose& pose, const Eigen::VectorXd& information) {
-      const auto column = static_cast<Eigen::Index>(poses.size());
-      if (column >= columns_.cols()) {
-        columns_.conservativeResize(information.size(), std::max<Eigen::Index>(500, 2 * column));
-      }
-      columns_.col(column) = information;
+      packed_.insert(packed_.end(), information.begin(), information.end());
+      size_ = information.size();
       poses.push_back(pose);
       return poses.size() - 1;
     }
     // Packed information.
-    [[nodiscard]] auto Column(size_t i) const { return columns_.col(static_cast<Eigen::Index>(i)); }
-    [[nodiscard]] auto Columns() const {
-      return columns_.leftCols(static_cast<Eigen::Index>(poses.size()));
+    [[nodiscard]] Eigen::VectorXd Column(size_t i) const {
+      return Columns().col(static_cast<Eigen::Index>(i));
+    }
+    [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> Columns() const {
+      return {packed_.data(), size_, static_cast<Eigen::Index>(poses.size())};
     }
 
    private:
-    Eigen::MatrixXd columns_;
+    std::vector<double> packed_;
+    Eigen::Index size_ = 0;
   };
 
-  std::vector<ViewRange> Ranges() const {
-    std::vector<ViewRange> ranges;
+  [[nodiscard]] std::vector<CandidateBasis> Cameras() const {
+    std::vector<CandidateBasis> cameras;
     for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-      ranges.push_back(
-          FeasibleRange(rig_, c, shape_, PointDistances(rig_.bundle, c), options_.range));
+      const BundleCamera& camera = rig_.bundle.cameras[c];
+      const std::vector<double> seen = PointDistances(rig_.bundle, c);
+      cameras.push_back({camera.params,
+                         camera.fixed,
+                         rig_.sigma_px[c],
+                         FeasibleRange(rig_, c, shape_, seen, options_.range)});
     }
-    return ranges;
+    return cameras;
   }
 
-  std::vector<double> Distances() const {
-    double nearest = kInfinity, farthest = 0;
-    bool plenoptic = false;
-    for (const ViewRange& range : ranges_) {
-      nearest = std::min(nearest, range.nearest);
-      farthest = std::max(farthest, range.farthest);
-    }
-    for (const BundleCamera& camera : rig_.bundle.cameras) plenoptic |= camera.model->plenoptic;
-    if (plenoptic) return {nearest, 2 / (1 / nearest + 1 / farthest), farthest};
-    return {nearest, farthest, 10 * farthest};
-  }
-
-  // Whether the candidates, with their information, are those of this estimate, too.
-  [[nodiscard]] bool CandidatesStay() const {
-    constexpr double kSame = 0.01, kSameNoise = 0.05;
-    const std::vector<BundleCamera>& cameras = rig_.bundle.cameras;
-    if (made_for_.size() != cameras.size()) return false;
-    const std::vector<ViewRange> ranges = Ranges();
-    const auto near = [](double a, double b, double part) { return std::abs(a - b) <= part * b; };
-    for (size_t c = 0; c < cameras.size(); ++c) {
-      const auto& [params, fixed, sigma_px] = made_for_[c];
-      if (fixed != cameras[c].fixed || !near(rig_.sigma_px[c], sigma_px, kSameNoise) ||
-          !near(ranges[c].nearest, ranges_[c].nearest, kSameNoise) ||
-          !near(ranges[c].farthest, ranges_[c].farthest, kSameNoise)) {
-        return false;
-      }
-      for (size_t k = 0; k < params.size(); ++k) {
-        const int unknown = unknowns_.params[c][k];
-        if (unknown >= 0 &&
-            std::abs(cameras[c].params[k] - params[k]) > kSame * unknowns_.unit[unknown]) {
-          return false;
-        }
-      }
-    }
-    return true;
+  [[nodiscard]] bool IsPlenoptic() const {
+    return std::ranges::any_of(rig_.bundle.cameras,
+                               [](const BundleCamera& camera) { return camera.model->plenoptic; });
   }
 
   void MakeCandidates() {
     candidates_.clear();
-    fine_ = {};
     searches_ = kSearches;
-    made_for_.clear();
-    for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
-      const BundleCamera& camera = rig_.bundle.cameras[c];
-      made_for_.push_back({camera.params, camera.fixed, rig_.sigma_px[c]});
-    }
-    for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
+    for (size_t c = 0; c < cameras_.size(); ++c) {
       for (const TargetPose& pose :
-           CandidatePoses(rig_, c, shape_, ranges_[c], options_.largest_tilt)) {
+           CandidatePoses(rig_, c, shape_, cameras_[c].range, options_.largest_tilt)) {
         if (auto candidate = MakeCandidate(pose)) candidates_.push_back(std::move(*candidate));
       }
     }
@@ -178,25 +148,20 @@ class NextViewChooser::Impl {
     std::vector<size_t> best(candidates_.size());
     std::iota(best.begin(), best.end(), size_t{0});
     std::erase_if(best, [&](size_t i) { return scores[i] == -kInfinity; });
-    if (best.empty()) {
+    std::ranges::stable_sort(best, [&](size_t a, size_t b) { return scores[a] > scores[b]; });
+    // Later suggestions come from the best at different places, so those of each ninth of the
+    // image and camera are among them.
+    std::vector<TargetPose> poses;
+    for (const Candidate& each : candidates_) poses.push_back(each.pose);
+    std::vector<ImageSize> sizes;
+    for (const BundleCamera& camera : rig_.bundle.cameras) sizes.push_back(camera.image_size);
+    Refine(KeepSpread(std::move(best), poses, sizes, kKept));
+    if (fine_.poses.empty()) {
       throw JobError(
           "no pose of the target is feasible: nowhere between these distances can enough "
           "of it be seen; check target, image size and lens angle, or set --near and "
           "--far");
     }
-    std::ranges::stable_sort(best, [&](size_t a, size_t b) { return scores[a] > scores[b]; });
-    // Later suggestions come from the best at different places, so those of each ninth of the
-    // image and camera are among them.
-    const size_t of_each = kKept / (kRegions * rig_.bundle.cameras.size()) + 1;
-    std::map<std::pair<size_t, size_t>, size_t> counts;
-    size_t kept = 0;
-    std::erase_if(best, [&](size_t i) {
-      const TargetPose& pose = candidates_[i].pose;
-      const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
-      size_t& count = counts[{pose.camera, RegionOf(pose.place, size)}];
-      return kept++ >= kKept && ++count > of_each;
-    });
-    Refine(best);
   }
 
   // Computes the information of candidates by more markers.
@@ -237,8 +202,8 @@ class NextViewChooser::Impl {
       best.information = fine_.Column(chosen[i]);
       best.loss = slope.dot(best.information);
       for (const double step : {1.0, 0.5, 0.25}) {
-        for (int k = 0; k < 12; ++k) {
-          const TargetPose pose = Moved(best.pose, k / 2, k % 2 == 0 ? step : -step);
+        for (size_t k = 0; k < kNeighbours; ++k) {
+          const TargetPose pose = Neighbour(best.pose, k, step);
           const auto candidate = MakeCandidate(pose);
           const auto more = candidate ? InformationOf(*candidate, kFineMarkers) : std::nullopt;
           if (!more) continue;
@@ -257,20 +222,13 @@ class NextViewChooser::Impl {
     return any;
   }
 
-  // A pose with one of its six numbers changed by part of the candidates' distance.
-  [[nodiscard]] TargetPose Moved(TargetPose pose, int number, double part) const {
-    const ImageSize size = rig_.bundle.cameras[pose.camera].image_size;
-    const ViewRange& range = ranges_[pose.camera];
-    constexpr double kTilt = 0.15, kAngle = 0.4, kDistance = 0.12;
-    if (number < 2) pose.place[number] += part * size[static_cast<size_t>(number)] / 12;
-    if (number == 2) {
-      pose.distance =
-          std::clamp(pose.distance * (1 + kDistance * part), range.nearest, range.farthest);
-    }
-    if (number == 3) pose.tilt = std::clamp(pose.tilt + kTilt * part, 0.0, options_.largest_tilt);
-    if (number == 4) pose.away += kAngle * part;
-    if (number == 5) pose.turn += kAngle * part;
-    return pose;
+  [[nodiscard]] TargetPose Neighbour(const TargetPose& pose, size_t neighbour, double step) const {
+    return NeighbourPose(pose,
+                         neighbour,
+                         step,
+                         rig_.bundle.cameras[pose.camera].image_size,
+                         cameras_[pose.camera].range,
+                         options_.largest_tilt);
   }
 
   [[nodiscard]] std::optional<Candidate> MakeCandidate(const TargetPose& pose) const {
@@ -402,15 +360,14 @@ class NextViewChooser::Impl {
 
   // The candidate at the place, distance and tilt nearby with the largest expected gain.
   [[nodiscard]] Candidate Improved(Candidate best, const std::vector<NextView>& before) const {
-    constexpr size_t kMoves = 8;
+    constexpr size_t kMoves = 8;  // neighbours of the same direction and turn
     constexpr int kMostSteps = 6;
     double most = state_->Gain(best.expected), step = 1;
     for (int i = 0; i < kMostSteps; ++i) {
       std::array<std::optional<Candidate>, kMoves> moved;
       std::array<double, kMoves> gains{};
       ParallelFor(kMoves, options_.threads, [&](size_t k) {
-        const TargetPose pose =
-            Moved(best.pose, static_cast<int>(k / 2), k % 2 == 0 ? step : -step);
+        const TargetPose pose = Neighbour(best.pose, k, step);
         if (!DiffersFrom(before, pose)) return;
         moved[k] = MakeCandidate(pose);
         if (!moved[k] || !InformationOf(*moved[k], kCoarseMarkers)) return;
@@ -489,17 +446,11 @@ class NextViewChooser::Impl {
   }
 
   static constexpr int kSearches = 8;
-  struct MadeFor {
-    std::vector<double> params;
-    std::vector<bool> fixed;
-    double sigma_px;
-  };
 
   ViewTarget shape_;
   NextViewOptions options_;
   // Of the estimate that the candidates were made for.
-  std::vector<MadeFor> made_for_;  // per camera
-  std::vector<ViewRange> ranges_;  // per camera
+  std::vector<CandidateBasis> cameras_;
   std::vector<double> distances_;
   RigUnknowns unknowns_;
   std::vector<Candidate> candidates_;

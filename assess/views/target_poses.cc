@@ -158,6 +158,38 @@ std::vector<TargetPose> CandidatePoses(const RigEstimate& rig,
   return poses;
 }
 
+TargetPose NeighbourPose(TargetPose pose,
+                         size_t neighbour,
+                         double step,
+                         ImageSize image_size,
+                         const ViewRange& range,
+                         double largest_tilt) {
+  constexpr double kPlaces = 12, kTilt = 0.15, kAngle = 0.4, kDistance = 0.12;
+  const double part = neighbour % 2 == 0 ? step : -step;
+  switch (neighbour / 2) {
+    case 0:
+      pose.place.x() += part * image_size[0] / kPlaces;
+      break;
+    case 1:
+      pose.place.y() += part * image_size[1] / kPlaces;
+      break;
+    case 2:
+      pose.distance =
+          std::clamp(pose.distance * (1 + kDistance * part), range.nearest, range.farthest);
+      break;
+    case 3:
+      pose.tilt = std::clamp(pose.tilt + kTilt * part, 0.0, largest_tilt);
+      break;
+    case 4:
+      pose.away += kAngle * part;
+      break;
+    default:
+      pose.turn += kAngle * part;
+      break;
+  }
+  return pose;
+}
+
 std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,
                                           const ViewTarget& shape,
                                           const TargetPose& pose) {

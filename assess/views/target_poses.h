@@ -47,6 +47,17 @@ std::vector<TargetPose> CandidatePoses(const RigEstimate& rig,
                                        const ViewRange& range,
                                        double largest_tilt);
 
+inline constexpr size_t kNeighbours = 12;
+/// A pose with one of its six numbers changed: the image's x and y, distance, tilt, direction,
+/// turn; larger of an even `neighbour`, smaller of an odd one. `step`: part of the candidates'
+/// distance.
+TargetPose NeighbourPose(TargetPose pose,
+                         size_t neighbour,
+                         double step,
+                         ImageSize image_size,
+                         const ViewRange& range,
+                         double largest_tilt);
+
 /// T_camera_target of a pose; nothing where the camera has no ray to its place.
 std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,
                                           const ViewTarget& shape,

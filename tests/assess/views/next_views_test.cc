@@ -310,7 +310,9 @@ TEST(NextViews, KeepTheDistancesOfTheUser) {
   // A detail of a micrometre is resolved nowhere.
   ViewTarget fine = shape;
   fine.finest = 1e-6;
-  EXPECT_THROW(ChooseNextViews(known.rig, fine, {.range = {0.9, 1.1}}), Error);
+  NextViewChooser chooser(fine, {.range = {0.9, 1.1}});
+  EXPECT_THROW(chooser.Choose(known.rig), Error);
+  EXPECT_THROW(chooser.Choose(known.rig), Error) << "a choice that failed leaves no candidates";
 }
 
 TEST(NextViews, OfARigAreSeenByBothCameras) {

@@ -126,6 +126,31 @@ TEST(CandidatePoses, AreAGridOverImageDistanceAndTilt) {
   EXPECT_NEAR(CandidatePoses(rig, 0, board, range, 0.8).back().place.y(), 294, 1e-9);
 }
 
+TEST(NeighbourPose, ChangesOneNumberUpOrDown) {
+  const TargetPose pose{
+      .camera = 1, .place = {90, 50}, .distance = 2, .tilt = 0.4, .away = 1, .turn = 0.2};
+  constexpr double kStep = 0.5;
+  for (size_t k = 0; k < kNeighbours; ++k) {
+    const auto numbers = [](const TargetPose& each) {
+      return std::array{
+          each.place.x(), each.place.y(), each.distance, each.tilt, each.away, each.turn};
+    };
+    const std::array steps{400 / 12.0, 300 / 12.0, 0.12 * 2, 0.15, 0.4, 0.4};
+    std::array expected = numbers(pose);
+    expected[k / 2] += (k % 2 == 0 ? kStep : -kStep) * steps[k / 2];
+    const TargetPose next = NeighbourPose(pose, k, kStep, {400, 300}, {1, 4}, 0.8);
+    EXPECT_THAT(numbers(next), ::testing::Pointwise(::testing::DoubleNear(1e-12), expected)) << k;
+    EXPECT_EQ(next.camera, 1U);
+  }
+  const auto limited = [&](size_t k) {
+    return NeighbourPose(pose, k, kStep, {400, 300}, {1.95, 2.05}, 0.41);
+  };
+  EXPECT_EQ(limited(4).distance, 2.05);
+  EXPECT_EQ(limited(5).distance, 1.95);
+  EXPECT_EQ(limited(6).tilt, 0.41);
+  EXPECT_EQ(NeighbourPose({.tilt = 0.01}, 7, kStep, {400, 300}, {1, 4}, 0.8).tilt, 0);
+}
+
 TEST(PlaceTarget, PutsTheMiddleAtItsPlaceTiltedAndTurned) {
   const RigEstimate rig = OneCamera();
   const ViewTarget board = Board();
