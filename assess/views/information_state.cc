@@ -35,13 +35,13 @@ double InformationState::Gain(const Eigen::MatrixXd& more) const {
     return 2 * factor.matrixLLT().diagonal().array().log().sum() - log_determinant_;
   }
   const Eigen::MatrixXd covariance =
-      factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
+      factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.rows()));
   return Sigma() - projection_->Of(covariance);
 }
 
 void InformationState::Update() {
   const Eigen::LLT<Eigen::MatrixXd> factor(information_);
-  covariance_ = factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
+  covariance_ = factor.solve(Eigen::MatrixXd::Identity(information_.rows(), information_.rows()));
   log_determinant_ = 2 * factor.matrixLLT().diagonal().array().log().sum();
 }
 

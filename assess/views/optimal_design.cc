@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <vector>
 
@@ -13,8 +12,8 @@ namespace plenocal {
 Eigen::VectorXd Packed(const Eigen::MatrixXd& symmetric) {
   const Eigen::Index size = symmetric.rows();
   Eigen::VectorXd packed(size * (size + 1) / 2);
-  for (Eigen::Index i = 0, k = 0; i < size; k += ++i) {
-    packed.segment(k, i + 1) = symmetric.col(i).head(i + 1);
+  for (Eigen::Index i = 0, k = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) packed[k++] = symmetric(j, i);
   }
   return packed;
 }
@@ -26,20 +25,18 @@ Eigen::VectorXd PackedTwice(const Eigen::MatrixXd& symmetric) {
 }
 
 Eigen::MatrixXd Unpacked(const Eigen::VectorXd& packed) {
-  const auto size = static_cast<Eigen::Index>(
-      std::lround((std::sqrt(8.0 * static_cast<double>(packed.size()) + 1) - 1) / 2));
+  // n (n + 1) is between the squares of n and n + 1.
+  const auto size = static_cast<Eigen::Index>(std::sqrt(2.0 * static_cast<double>(packed.size())));
   Eigen::MatrixXd symmetric(size, size);
-  for (Eigen::Index i = 0, k = 0; i < size; k += ++i) {
-    symmetric.col(i).head(i + 1) = packed.segment(k, i + 1);
-    symmetric.row(i).head(i) = packed.segment(k, i).transpose();
+  for (Eigen::Index i = 0, k = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) symmetric(i, j) = symmetric(j, i) = packed[k++];
   }
   return symmetric;
 }
 
 double OptimalDesign::FewestViews(double goal) const {
   const double missing = trace * trace / goal - of_so_far;
-  if (missing <= 0) return 0;
-  return steepest > 0 ? missing / steepest : std::numeric_limits<double>::infinity();
+  return missing <= 0 ? 0 : missing / std::max(steepest, 0.0);  // infinite without any loss
 }
 
 OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
@@ -53,12 +50,13 @@ OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
   OptimalDesign design;
   design.weights = Eigen::VectorXd::Zero(views.cols());
   design.weights.head(start.size()) = start;
-  if (start.size() > 0) design.weights *= count / start.sum();
+  bool has_weights = start.size() > 0;
+  if (has_weights) design.weights *= count / start.sum();
   // Sets all but the weights and returns the loss of f per view.
   const auto evaluate = [&](const Eigen::Ref<const Eigen::MatrixXd>& columns,
                             const Eigen::VectorXd& weights) {
     const Eigen::LLT<Eigen::MatrixXd> factor(so_far + Unpacked(columns * weights));
-    design.covariance = factor.solve(Eigen::MatrixXd::Identity(M.rows(), M.cols()));
+    design.covariance = factor.solve(Eigen::MatrixXd::Identity(M.rows(), M.rows()));
     design.slope = design.covariance * M * design.covariance;
     design.trace = design.covariance.cwiseProduct(M).sum();
     design.of_so_far = design.slope.cwiseProduct(so_far).sum();
@@ -68,7 +66,6 @@ OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
   };
   for (int step = 0;; ++step) {
     const Eigen::VectorXd losses = evaluate(views, design.weights);
-    const bool has_weights = step > 0 || start.size() > 0;
     if (has_weights && (step == kMostSteps || design.Gap(count) < kGap)) return design;
     // Only the steepest views and those with a weight are weighted anew.
     std::vector<Eigen::Index> chosen(static_cast<size_t>(views.cols()));
@@ -90,6 +87,7 @@ OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
     weights *= count / weights.sum();
     design.weights.setZero();
     design.weights(chosen) = weights;
+    has_weights = true;
   }
 }
 

@@ -34,9 +34,8 @@ class Grid {
  private:
   void AddCamera(size_t c, const std::vector<double>& distances) {
     const BundleCamera& camera = rig_.bundle.cameras[c];
-    const MicroLensVisibility lenses = rig_.lenses.size() > c && !rig_.lenses[c].lenses.empty()
-                                           ? MicroLensVisibility(rig_.lenses[c])
-                                           : MicroLensVisibility();
+    const MicroLensVisibility lenses =
+        rig_.lenses[c].lenses.empty() ? MicroLensVisibility() : MicroLensVisibility(rig_.lenses[c]);
     if (camera.model->plenoptic && !lenses.HasLenses()) return;
     for (int row = 0; row < kGridRows; ++row) {
       for (int column = 0; column < kGridColumns; ++column) {

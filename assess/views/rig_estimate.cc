@@ -98,7 +98,7 @@ std::map<int, Eigen::Matrix3Xd> MakeDeformations(const Bundle& bundle) {
   std::map<int, Eigen::Matrix3Xd> deformations;
   for (Eigen::Index m = 0; m < count; ++m) {
     Eigen::Matrix3Xd& of_marker = deformations[bundle.markers[static_cast<size_t>(m)].number];
-    of_marker.resize(3, static_cast<Eigen::Index>(fields.size()));
+    of_marker.resize(Eigen::NoChange, static_cast<Eigen::Index>(fields.size()));
     for (size_t f = 0; f < fields.size(); ++f) {
       of_marker.col(static_cast<Eigen::Index>(f)) = axes.vectors * fields[f].col(m);
     }

@@ -209,19 +209,14 @@ std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
                                           double angle,
                                           double part) {
   const Eigen::Vector3d middle = T_camera_target * MiddleOf(shape);
-  // Errors of one sigma along the directions in turn.
-  static constexpr std::array<std::array<double, 4>, 7> kErrors{{{0, 0, 0, 0},
-                                                                 {1, 0, 0, 0},
-                                                                 {-1, 0, 0, 0},
-                                                                 {0, 1, 0, 0},
-                                                                 {0, -1, 0, 0},
-                                                                 {0, 0, 1, 1},
-                                                                 {0, 0, -1, -1}}};
+  // Errors of one sigma along the directions in turn; the third is one of the distance, too.
+  static constexpr std::array<std::array<double, 3>, 7> kErrors{
+      {{0, 0, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
   std::vector<RigidTransform> executed;
   for (const auto& error : kErrors) {
     const Eigen::Matrix3d R =
         ExpRotation(angle * Eigen::Vector3d(error[0], error[1], error[2])) * T_camera_target.R;
-    const Eigen::Vector3d place = (1 + part * error[3]) * middle;
+    const Eigen::Vector3d place = (1 + part * error[2]) * middle;
     executed.push_back({R, place - R * MiddleOf(shape)});
   }
   return executed;
@@ -230,13 +225,10 @@ std::vector<RigidTransform> ExecutedPoses(const RigidTransform& T_camera_target,
 bool LookDifferent(const TargetPose& a, const TargetPose& b, ImageSize image_size) {
   if (a.camera != b.camera) return true;
   constexpr double kAngle = 20 * std::numbers::pi / 180, kDistance = 0.2, kPart = 1.0 / 3;
-  const auto normal = [](const TargetPose& pose) {
-    return Eigen::Vector3d(std::sin(pose.tilt) * std::cos(pose.away),
-                           std::sin(pose.tilt) * std::sin(pose.away),
-                           std::cos(pose.tilt));
-  };
-  const double angle = std::acos(std::clamp(normal(a).dot(normal(b)), -1.0, 1.0));
-  return angle > kAngle || a.turn != b.turn ||
+  // Of the angle between the normals.
+  const double cosine = std::sin(a.tilt) * std::sin(b.tilt) * std::cos(a.away - b.away) +
+                        std::cos(a.tilt) * std::cos(b.tilt);
+  return cosine < std::cos(kAngle) || a.turn != b.turn ||
          std::abs(a.distance - b.distance) > kDistance * std::max(a.distance, b.distance) ||
          std::abs(a.place.x() - b.place.x()) > kPart * image_size[0] ||
          std::abs(a.place.y() - b.place.y()) > kPart * image_size[1];

@@ -74,12 +74,6 @@ ViewPredictor::ViewPredictor(const RigEstimate& rig,
   }
 }
 
-std::vector<size_t> ViewPredictor::Chosen(size_t most) const {
-  std::vector<size_t> chosen(std::min(most, markers_.size()));
-  for (size_t i = 0; i < chosen.size(); ++i) chosen[i] = i;
-  return chosen;
-}
-
 std::optional<Eigen::Vector2d> ViewPredictor::Image(size_t c,
                                                     const RigidTransform& T_camera_target,
                                                     const MarkerShape& marker) const {
@@ -116,29 +110,26 @@ TargetVisibility ViewPredictor::PredictVisibility(size_t camera,
                                                   size_t most) const {
   TargetVisibility visibility;
   const RigidTransform T_camera_target = rig_.bundle.cameras[camera].T_camera_rig * T_rig_target;
-  const std::vector<size_t> chosen = Chosen(most);
-  for (const size_t m : chosen) {
+  const size_t chosen = std::min(most, markers_.size());
+  for (size_t m = 0; m < chosen; ++m) {
     const auto u_px = Image(camera, T_camera_target, markers_[m]);
     if (!u_px) continue;
     visibility.markers.push_back(m);
     visibility.u_px.push_back(*u_px);
   }
   const size_t count = visibility.markers.size();
-  const double part = static_cast<double>(count) / static_cast<double>(chosen.size());
-  visibility.found = count >= std::min(kFewestMarkers, chosen.size()) &&
-                     part >= (shape_.found_in_part ? kFoundPart : 1);
+  const double part = static_cast<double>(count) / static_cast<double>(chosen);
+  visibility.found =
+      count >= std::min(kFewestMarkers, chosen) && part >= (shape_.found_in_part ? kFoundPart : 1);
   return visibility;
 }
 
-std::vector<BundleObservation> ViewPredictor::Predicted(size_t c,
-                                                        const RigidTransform& T_rig_target,
-                                                        const MarkerShape& marker,
-                                                        double* repeats) const {
+std::pair<std::vector<BundleObservation>, double> ViewPredictor::Predicted(
+    size_t c, const RigidTransform& T_rig_target, const MarkerShape& marker) const {
   const BundleCamera& camera = rig_.bundle.cameras[c];
   BundleObservation observation{
       .camera = static_cast<int>(c), .seen = {}, .assumed_sigma = rig_.sigma_px[c]};
-  *repeats = 1;
-  if (!camera.model->plenoptic) return {observation};
+  if (!camera.model->plenoptic) return {{observation}, 1};
   const MicroLensVisibility::Seen seen = lenses_[c].LensesShowing(
       camera, camera.T_camera_rig * (T_rig_target * marker.position), kMostLenses);
   std::vector<BundleObservation> observations;
@@ -146,9 +137,8 @@ std::vector<BundleObservation> ViewPredictor::Predicted(size_t c,
     observation.seen.values = {lens.x(), lens.y(), lens.x(), lens.y()};
     observations.push_back(observation);
   }
-  *repeats =
-      static_cast<double>(seen.all) / static_cast<double>(std::max<size_t>(1, observations.size()));
-  return observations;
+  const double repeats = static_cast<double>(seen.all) / static_cast<double>(observations.size());
+  return {std::move(observations), repeats};
 }
 
 // The rows of one camera in one frame. Columns of its products: the camera's unknowns, the
@@ -173,15 +163,18 @@ class ViewPredictor::CameraRows {
         minus_(ZeroRows(own_ + 7, kCapacity)) {}
 
   /// One marker that stands for `markers`: observations of it, each repeated `repeats` times.
-  /// False, and nothing added, where a row is not finite.
-  [[nodiscard]] bool Add(const MarkerShape& marker,
-                         std::span<const BundleObservation* const> observations,
-                         double repeats,
-                         double markers) {
-    if (observations.size() == 1 && repeats == 1) return AddOne(marker, *observations[0], markers);
+  /// Adds nothing where a row is not finite.
+  void Add(const MarkerShape& marker,
+           std::span<const BundleObservation* const> observations,
+           double repeats,
+           double markers) {
+    if (observations.size() == 1 && repeats == 1) {
+      AddOne(marker, *observations[0], markers);
+      return;
+    }
     Shared BB = Shared::Identity(B_.cols(), B_.cols());
     JB_.setZero();
-    Eigen::MatrixXd more(own_ + 7, rows_ * static_cast<Eigen::Index>(observations.size()));
+    Eigen::MatrixXd more(J_.cols(), rows_ * static_cast<Eigen::Index>(observations.size()));
     Eigen::Index count = 0;
     for (const BundleObservation* observation : observations) {
       if (!Linearise(marker, *observation)) continue;
@@ -190,14 +183,13 @@ class ViewPredictor::CameraRows {
       BB.noalias() += repeats * B_.transpose() * B_;
       count += rows_;
     }
-    if (!more.leftCols(count).allFinite()) return false;
+    if (!more.leftCols(count).allFinite()) return;
     // What all rows of the marker share, in sigmas, is taken out: its own position and the common
     // noise.
     const Eigen::LLT<Shared> shared(BB);
     for (Eigen::Index k = 0; k < count; ++k) Put(more.col(k), &plus_, &plus_count_);
     const Eigen::MatrixXd common = shared.matrixL().solve(std::sqrt(markers) * JB_.transpose());
     for (Eigen::Index k = 0; k < common.rows(); ++k) Put(common.row(k), &minus_, &minus_count_);
-    return true;
   }
 
   void AddTo(Sums* sums) {
@@ -225,19 +217,15 @@ class ViewPredictor::CameraRows {
       Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostShared, kMostShared>;
 
   // J' (1 + B B')^-1 J, which is what remains without the shared part.
-  [[nodiscard]] bool AddOne(const MarkerShape& marker,
-                            const BundleObservation& observation,
-                            double markers) {
-    if (!Linearise(marker, observation)) return true;
+  void AddOne(const MarkerShape& marker, const BundleObservation& observation, double markers) {
+    if (!Linearise(marker, observation) || !J_.allFinite()) return;
     Shared variance = Shared::Identity(rows_, rows_);
     variance.noalias() += B_ * B_.transpose();
-    if (!J_.allFinite()) return false;
     const Eigen::LLT<Shared> factor(variance);
     factor.matrixL().solveInPlace(J_);
     for (Eigen::Index k = 0; k < rows_; ++k) {
       Put(std::sqrt(markers) * J_.row(k), &plus_, &plus_count_);
     }
-    return true;
   }
 
   [[nodiscard]] int Unknown(Eigen::Index column) const {
@@ -318,7 +306,7 @@ std::optional<ViewPredictor::FrameInformation> ViewPredictor::WithoutPose(const 
   frame.gradient = sums.tr - passed->transpose() * sums.xr;
   frame.pose_covariance = Inverse(sums.xx);
   frame.pose_by_unknowns = -*passed;
-  if (!frame.information.allFinite() || !frame.gradient.allFinite()) return std::nullopt;
+  if (!frame.information.allFinite()) return std::nullopt;
   return frame;
 }
 
@@ -332,7 +320,7 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
   }
   Sums sums(unknowns_.unit.size());
   const double weight =
-      static_cast<double>(markers_.size()) / static_cast<double>(Chosen(most).size());
+      static_cast<double>(markers_.size()) / static_cast<double>(std::min(most, markers_.size()));
   bool found = false;
   for (size_t c = 0; c < rig_.bundle.cameras.size(); ++c) {
     if (c != must) visibilities[c] = PredictVisibility(c, T_rig_target, most);
@@ -340,11 +328,10 @@ std::optional<Eigen::MatrixXd> ViewPredictor::Information(const RigidTransform& 
     found = true;
     CameraRows rows(*this, c, T_rig_target);
     for (const size_t m : visibilities[c].markers) {
-      double repeats = 1;
-      const auto observations = Predicted(c, T_rig_target, markers_[m], &repeats);
+      const auto [observations, repeats] = Predicted(c, T_rig_target, markers_[m]);
       std::vector<const BundleObservation*> all;
       for (const BundleObservation& each : observations) all.push_back(&each);
-      if (!rows.Add(markers_[m], all, repeats, weight)) return std::nullopt;
+      rows.Add(markers_[m], all, repeats, weight);
     }
     rows.AddTo(&sums);
   }
@@ -373,8 +360,7 @@ std::optional<ViewPredictor::FrameInformation> ViewPredictor::MakeFrameInformati
       }
       const auto marker = by_number_.find(rig_.bundle.markers[static_cast<size_t>(index)].number);
       if (marker == by_number_.end() || used.empty()) continue;
-      // What is not finite adds nothing.
-      (void)rows.Add(markers_[marker->second], used, 1, 1);
+      rows.Add(markers_[marker->second], used, 1, 1);
     }
     rows.AddTo(&sums);
   }

@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "assess/views/micro_lens_visibility.h"
@@ -59,7 +60,7 @@ class ViewPredictor {
   [[nodiscard]] Eigen::MatrixXd InformationSoFar() const;
 
   /// Markers count where they are in the image with a margin, face the camera, and the image
-  /// resolves the target's finest detail; of a plenoptic camera, where three micro images show
+  /// resolves the target's finest detail; of a plenoptic camera, where two micro images show
   /// them. A target is found when half of its markers count, or all unless it is found in part.
   [[nodiscard]] TargetVisibility PredictVisibility(size_t camera,
                                                    const RigidTransform& T_rig_target,
@@ -73,17 +74,15 @@ class ViewPredictor {
   struct Sums;
   class CameraRows;
 
-  [[nodiscard]] std::vector<size_t> Chosen(size_t most) const;
   [[nodiscard]] std::optional<Eigen::Vector2d> Image(size_t camera,
                                                      const RigidTransform& T_camera_target,
                                                      const MarkerShape& marker) const;
   /// `of_frame`: all observations of one frame.
   [[nodiscard]] std::optional<FrameInformation> MakeFrameInformation(
       std::span<const BundleObservation> of_frame) const;
-  [[nodiscard]] std::vector<BundleObservation> Predicted(size_t camera,
-                                                         const RigidTransform& T_rig_target,
-                                                         const MarkerShape& marker,
-                                                         double* repeats) const;
+  /// Observations of a marker, and how many each stands for.
+  [[nodiscard]] std::pair<std::vector<BundleObservation>, double> Predicted(
+      size_t camera, const RigidTransform& T_rig_target, const MarkerShape& marker) const;
   /// The information is not set where the pose is not determined.
   [[nodiscard]] std::optional<FrameInformation> WithoutPose(const Sums& sums) const;
 
