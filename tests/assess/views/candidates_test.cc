@@ -66,10 +66,10 @@ TEST(KeepSpread, KeepsTheFirstAndSomeOfEachPlace) {
 
 TEST(JudgedDistances, AreThoseOfAllCameras) {
   const std::vector<CandidateBasis> cameras{
-      {{}, {}, 0, {0.5, 2}}, {{}, {}, 0, {0.4, 1}}, {{}, {}, 0, {0.8, 1.5}}};
-  EXPECT_THAT(JudgedDistances(cameras, false), ElementsAre(0.4, 2, 20));
+      {{}, {}, 0, {0.25, 0.8}}, {{}, {}, 0, {0.2, 0.4}}, {{}, {}, 0, {0.3, 0.6}}};
+  EXPECT_THAT(JudgedDistances(cameras, false), ElementsAre(0.2, 0.8, 8));
   EXPECT_THAT(JudgedDistances(cameras, true),
-              ElementsAre(0.4, DoubleNear(1 / 1.5, 1e-12), 2));  // 1 / z of 2.5 and 0.5
+              ElementsAre(0.2, DoubleNear(0.32, 1e-12), 0.8));  // 1 / z of 5, 3.125 and 1.25
 }
 
 }  // namespace TEST_FILE

@@ -84,6 +84,42 @@ TEST(OptimalDesign, HasNoNumberOfViewsThatAddNothing) {
   EXPECT_NEAR(design.LeastTrace(3), now, 1e-12 * now);
   EXPECT_TRUE(std::isinf(design.FewestViews(now / 2)));
   EXPECT_EQ(design.FewestViews(2 * now), 0);
+  EXPECT_NEAR(design.weights.sum(), 3, 1e-9);
+  // The same from an earlier solution, of one view alone.
+  const Eigen::VectorXd start = Eigen::VectorXd::Constant(1, 2);
+  const Eigen::VectorXd first = 3 * Eigen::VectorXd::Unit(kViews, 0);
+  EXPECT_EQ(SolveDesign(problem.M, problem.so_far, problem.views, 3, start).weights, first);
+  OptimalDesign reached;
+  reached.trace = 2, reached.of_so_far = 4;
+  EXPECT_EQ(reached.FewestViews(1), 0);
+}
+
+TEST(OptimalDesign, KeepsAnEarlierSolutionAndAddsViewsToIt) {
+  const Problem problem(3);
+  const OptimalDesign design = SolveDesign(problem.M, problem.so_far, problem.views, 4, {});
+  const Eigen::VectorXd half = design.weights / 2;
+  const OptimalDesign again = SolveDesign(problem.M, problem.so_far, problem.views, 4, half);
+  EXPECT_LT((again.weights - design.weights).norm(), 1e-12);
+  const Eigen::MatrixXd few = problem.views.rightCols(3);
+  const Eigen::VectorXd start = SolveDesign(problem.M, problem.so_far, few, 4, {}).weights;
+  Eigen::MatrixXd all(few.rows(), kViews);
+  all << few, problem.views.leftCols(kViews - 3);
+  const OptimalDesign more = SolveDesign(problem.M, problem.so_far, all, 4, start);
+  EXPECT_LE(more.trace, 1.0031 * design.LeastTrace(4));
+  EXPECT_NEAR(more.weights.sum(), 4, 1e-9);
+}
+
+// Of many views thirty are weighted at once, the steepest: here the last two alone are of use.
+TEST(OptimalDesign, FindsTheFewGoodOnesOfManyViews) {
+  const Problem problem(2);
+  Eigen::MatrixXd views(problem.views.rows(), 60);
+  for (Eigen::Index i = 0; i < 60; ++i) {
+    views.col(i) = (i < 58 ? 1e-4 * (i + 1) : 1.0) * problem.views.col(i % 2);
+  }
+  const OptimalDesign design = SolveDesign(problem.M, problem.so_far, views, 5, {});
+  EXPECT_LE(design.trace, 1.0031 * design.LeastTrace(5));
+  EXPECT_EQ((design.weights.array() > 0).count(), 30);
+  EXPECT_GT(design.weights.tail(2).sum(), 4.9);
 }
 
 }  // namespace TEST_FILE

@@ -117,7 +117,7 @@ TEST(RigEstimate, TakesMarkersJitterAndMisplacedViews) {
   CalibrationRecord record = TwoCameras();
   record.adjustment = AdjustmentRecord{.marker_freedom = MarkerFreedom::FromSigma(0.0015)};
   record.jitter = JitterRecord{.translation_sigma = 0.001, .rotation_sigma = 0.002};
-  record.cameras[1].view_poses = {{0, {{}, false}}, {1, {{}, true}}};
+  record.cameras[1].view_poses = {{0, {{}, true}}, {1, {{}, false}}};
   RigEstimate rig = MakeRigEstimate(record);
   EXPECT_EQ(rig.bundle.marker_freedom.Sigma(), 0.0015);
   ASSERT_EQ(rig.marker_sigmas.size(), 1U);
@@ -125,7 +125,7 @@ TEST(RigEstimate, TakesMarkersJitterAndMisplacedViews) {
   EXPECT_EQ(rig.bundle.jitter.translation_sigma, 0.001);
   EXPECT_EQ(rig.bundle.jitter.rotation_sigma, 0.002);
   EXPECT_EQ(rig.bundle.jitter.delta, std::vector<Vector6d>(4, Vector6d::Zero()));
-  EXPECT_THAT(rig.bundle.jitter.misplaced, ElementsAre(false, false, false, true));
+  EXPECT_THAT(rig.bundle.jitter.misplaced, ElementsAre(false, true, false, false));
   // A size that is estimated is no error of single markers.
   record.target_scales = {{"target.scale", {0.01, 0.001}}};
   rig = MakeRigEstimate(record);

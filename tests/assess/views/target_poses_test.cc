@@ -95,7 +95,7 @@ TEST(FeasibleRange, OfAPlenopticCameraIsAboutWhatWasSeen) {
 TEST(CandidatePoses, AreAGridOverImageDistanceAndTilt) {
   const RigEstimate rig = OneCamera();
   ViewTarget board = Board();
-  const ViewRange range{1, 4};
+  const ViewRange range{2, 8};
   const std::vector<TargetPose> poses = CandidatePoses(rig, 0, board, range, 0.8);
   ASSERT_EQ(poses.size(), 7U * 5 * 6 * (1 + 3 * 8) * 2);
   std::map<double, size_t> x, y, distances, tilts, turns, directions;
@@ -116,7 +116,7 @@ TEST(CandidatePoses, AreAGridOverImageDistanceAndTilt) {
   };
   expect(x, {48, 48 + 304 / 6.0, 48 + 304 / 3.0, 200, 352 - 304 / 3.0, 352 - 304 / 6.0, 352});
   expect(y, {36, 93, 150, 207, 264});
-  expect(distances, {0.25, 0.4, 0.55, 0.7, 0.85, 1});
+  expect(distances, {0.125, 0.2, 0.275, 0.35, 0.425, 0.5});
   expect(tilts, {0, 0.32, 0.56, 0.8});
   expect(turns, {0, kPi / 2});
   expect(directions,
@@ -289,8 +289,8 @@ NextView ViewOf(double tilt, double away, double turn, double distance) {
 TEST(NextViewText, SaysWhereTheTargetIs) {
   RigEstimate rig = OneCamera();
   EXPECT_EQ(
-      NextViewText(ViewOf(0, 0, 0, 0.456), rig, {}),
-      "target in the upper right corner, 46 cm away, facing the camera: sigma 0.5 -> 0.25 px");
+      NextViewText(ViewOf(0, 0, 0, 0.956), rig, {}),
+      "target in the upper right corner, 96 cm away, facing the camera: sigma 0.5 -> 0.25 px");
   const char* const sides[] = {"right side",
                                "lower right corner",
                                "lower edge",
