@@ -8,7 +8,6 @@
 #include <cmath>
 
 #include "assess/views/information_state.h"
-#include "assess/views/next_views.h"
 #include "assess/views/projection_sigma.h"
 #include "calib/base/error.h"
 #include "models/registry.h"
@@ -197,53 +196,77 @@ TEST(RigUnknowns, AreFreeParametersAndExtrinsicsInTheirUnits) {
   Eigen::VectorXd factors(13);
   factors << 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3;
   EXPECT_LT((UnknownScales(rig, unknowns) - unit.cwiseProduct(factors)).norm(), 1e-12);
+  for (BundleCamera& camera : rig.bundle.cameras) camera.fixed.assign(4, true);
+  const RigUnknowns extrinsics = MakeRigUnknowns(rig.bundle, 1.5);
+  EXPECT_EQ(UnknownScales(rig, extrinsics), 3 * extrinsics.unit);
+  EXPECT_EQ(extrinsics.unit, unit.tail<6>());
 }
 
-// A deformation by independent errors of the markers: all fields are orthogonal to rigid motions of
-// the target, and each has the size of one sigma.
+constexpr double kTolerance = 0.002;
+
+Bundle WithMarkers(const std::vector<Eigen::Vector3d>& places) {
+  Bundle bundle;
+  bundle.marker_freedom = MarkerFreedom::FromSigma(kTolerance);
+  for (const Eigen::Vector3d& p : places) {
+    const int number = 5 * static_cast<int>(bundle.markers.size());
+    bundle.markers.push_back({.number = number, .position = p, .nominal = p});
+  }
+  return bundle;
+}
+
+// A deformation by independent errors of the markers: no field moves the target as a whole, and
+// each has the size of one sigma. The linear ones are symmetric, so that they do not rotate it.
 TEST(RigUnknowns, AreDeformationsOfATargetWithATolerance) {
-  constexpr double kTolerance = 0.002;
-  for (const double depth : {0.0, 0.01, 0.3}) {
-    Bundle bundle;
-    bundle.marker_freedom = MarkerFreedom::FromSigma(kTolerance);
+  for (const double depth : {0.0, 0.008, 0.012, 0.3}) {
+    std::vector<Eigen::Vector3d> places;
     Random random(3);
     for (int i = 0; i < 12; ++i) {
-      const Eigen::Vector3d p(
+      places.emplace_back(
           random.Uniform(-1, 1), random.Uniform(-0.6, 0.6), random.Uniform(-depth, depth));
-      bundle.markers.push_back({.number = 5 * i, .position = p, .nominal = p});
     }
-    const RigUnknowns unknowns = MakeRigUnknowns(bundle, 1);
+    const RigUnknowns unknowns = MakeRigUnknowns(WithMarkers(places), 1);
     EXPECT_EQ(unknowns.head, 0);
     // A plane has three linear ones and three bends, a solid six linear ones.
     ASSERT_EQ(unknowns.unit.size(), 6) << depth;
     EXPECT_EQ(unknowns.unit, Eigen::VectorXd::Ones(6));
     ASSERT_EQ(unknowns.deformations.size(), 12U);
-    Eigen::Vector3d middle(0, 0, 0);
-    for (const BundleMarker& marker : bundle.markers) middle += marker.position / 12;
+    Eigen::MatrixXd P(12, 3), fields(12, 3);
+    for (Eigen::Index m = 0; m < 12; ++m) P.row(m) = places[static_cast<size_t>(m)];
+    P.rowwise() -= P.colwise().mean().eval();
+    const Eigen::JacobiSVD<Eigen::MatrixXd> axes(P, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    const Eigen::VectorXd extents = axes.singularValues();
+    const bool flat = extents[2] < 0.02 * extents[1];
+    EXPECT_EQ(flat, depth < 0.012) << extents.transpose();
+    int bends = 0;
     for (Eigen::Index k = 0; k < 6; ++k) {
-      double squares = 0;
-      Eigen::Vector3d moved(0, 0, 0);
-      Eigen::Matrix3d mixed = Eigen::Matrix3d::Zero();
-      for (const BundleMarker& marker : bundle.markers) {
-        const Eigen::Vector3d d = unknowns.deformations.at(marker.number).col(k);
-        squares += d.squaredNorm();
-        moved += d;
-        mixed += d * (marker.position - middle).transpose();
+      for (int m = 0; m < 12; ++m) fields.row(m) = unknowns.deformations.at(5 * m).col(k);
+      EXPECT_NEAR(fields.norm(), kTolerance, 1e-12);
+      EXPECT_LT(fields.colwise().sum().norm(), 1e-12);
+      // In the axes of the target; a plane has linear ones in it and bends normal to it.
+      const Eigen::MatrixXd d = fields * axes.matrixV(), p = P * axes.matrixV();
+      if (flat && d.rightCols<1>().norm() > 0.5 * kTolerance) {
+        EXPECT_LT(d.leftCols<2>().norm(), 1e-12);
+        ++bends;
+        continue;
       }
-      EXPECT_NEAR(std::sqrt(squares), kTolerance, 1e-12);
-      EXPECT_LT(moved.norm(), 1e-12);
+      const Eigen::Index dimensions = flat ? 2 : 3;
+      const Eigen::MatrixXd A = p.leftCols(dimensions).householderQr().solve(d);
+      EXPECT_LT((p.leftCols(dimensions) * A - d).norm(), 1e-12);
+      const Eigen::MatrixXd square = A.leftCols(dimensions);
+      EXPECT_LT((square - square.transpose()).norm(), 1e-9 * square.norm());
     }
-    // A stretch of a third axis is among them only where there is depth.
-    Eigen::Index bends = 0;
-    for (Eigen::Index k = 0; k < 6; ++k) {
-      double along_z = 0;
-      for (const auto& [number, fields] : unknowns.deformations)
-        along_z += std::pow(fields(2, k), 2);
-      bends += along_z > 0.9 * kTolerance * kTolerance ? 1 : 0;
-    }
-    if (depth == 0) {
-      EXPECT_EQ(bends, 3);
-    }
+    EXPECT_EQ(bends, flat ? 3 : 0);
+  }
+}
+
+TEST(RigUnknowns, HaveNoDeformationsThatMoveNothing) {
+  EXPECT_TRUE(MakeRigUnknowns(WithMarkers({{1, 2, 3}}), 1).deformations.empty());
+  // A line along an axis has a stretch and two bends of its direction.
+  const RigUnknowns line = MakeRigUnknowns(WithMarkers({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}), 1);
+  EXPECT_EQ(line.unit.size(), 3);
+  for (const auto& [number, fields] : line.deformations) {
+    EXPECT_EQ(fields.cols(), 3);
+    EXPECT_TRUE(fields.allFinite());
   }
 }
 
@@ -270,129 +293,17 @@ TEST(PointDistances, AreOfUsedPointsInTheirCamera) {
   EXPECT_NEAR(distances[0], nearest, 1e-12);
   EXPECT_NEAR(distances[1], farthest, 1e-12);
   EXPECT_NEAR(distances[2], 10 * farthest, 1e-11);
+  // A target before the first camera alone, less than a metre away.
+  std::erase_if(rig.bundle.observations,
+                [](const BundleObservation& each) { return each.frame == 1 || each.camera == 1; });
+  rig.bundle.T_rig_target[0].t *= 0.5;
+  const double alone = PointDistances(bundle, 0).at(0);
+  EXPECT_LT(alone, 1);
+  EXPECT_THAT(ProjectionDistances(bundle), ElementsAre(alone, alone, 10 * alone));
   CameraModel plenoptic = *bundle.cameras[0].model;
   plenoptic.plenoptic = true;
   rig.bundle.cameras[1].model = &plenoptic;
   EXPECT_EQ(ProjectionDistances(rig.bundle).size(), 2U);
-}
-
-TEST(RegionOf, IsTheNinthOfTheImage) {
-  const ImageSize size{300, 150};
-  EXPECT_EQ(RegionOf({0, 0}, size), 0U);
-  EXPECT_EQ(RegionOf({150, 0}, size), 1U);
-  EXPECT_EQ(RegionOf({299, 0}, size), 2U);
-  EXPECT_EQ(RegionOf({0, 75}, size), 3U);
-  EXPECT_EQ(RegionOf({299, 149}, size), 8U);
-  EXPECT_EQ(RegionOf({-50, 400}, size), 6U);
-  EXPECT_EQ(RegionOf({400, -50}, size), 2U);
-  // Borders of pixels.
-  EXPECT_EQ(RegionOf({99.4, 49.4}, size), 0U);
-  EXPECT_EQ(RegionOf({99.6, 49.4}, size), 1U);
-  EXPECT_EQ(RegionOf({199.6, 49.4}, size), 2U);
-  EXPECT_EQ(RegionOf({99.4, 49.6}, size), 3U);
-  EXPECT_EQ(RegionOf({99.4, 99.6}, size), 6U);
-}
-
-TEST(ProjectionSigma, IsTheMeanOfResults) {
-  const auto result = [](size_t camera, size_t region, double a, double b) {
-    const Eigen::Matrix2d by{{a, 0}, {b, a}};
-    return ProjectionSigma::Result{camera, region, by};
-  };
-  const ProjectionSigma sigma({result(0, 2, 1, 2), result(0, 2, 3, 0), result(1, 5, 2, 1)},
-                              2,
-                              {.of = "points", .unit = "mm", .determined = 3});
-  Eigen::Matrix2d C;
-  C << 4, 1, 1, 2;
-  // tr(J C J') of each: C_00 a^2, and of (b, a) C.
-  const auto square = [](double a, double b) {
-    return 4 * a * a + 4 * b * b + 2 * a * b + 2 * a * a;
-  };
-  EXPECT_NEAR(sigma.Of(C), std::sqrt((square(1, 2) + square(3, 0) + square(2, 1)) / 3), 1e-12);
-  EXPECT_NEAR(sigma.InRegion(0, 2, C), std::sqrt((square(1, 2) + square(3, 0)) / 2), 1e-12);
-  EXPECT_NEAR(sigma.InRegion(1, 5, C), std::sqrt(square(2, 1)), 1e-12);
-  EXPECT_TRUE(std::isnan(sigma.InRegion(1, 2, C)));
-  EXPECT_EQ(sigma.Of(-C), 0);
-  EXPECT_EQ(sigma.Words().unit, "mm");
-}
-
-// One error of all unknowns, projected at the points of a grid before and after it; the motion of
-// the rig that compensates most of it is found by least squares over numeric derivatives.
-TEST(ProjectionSigma, IsWhatAnErrorOfTheUnknownsDisplaces) {
-  RigEstimate rig = MakeRigEstimate(TwoCameras());
-  rig.factors = {1, 2.25};
-  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, 1.5);
-  const std::vector<double> distances{0.8, 3};
-  const ProjectionSigma sigma(rig, unknowns, distances);
-  Random random(9);
-  const Eigen::VectorXd x = Eigen::VectorXd::NullaryExpr(13, [&] { return random.Gaussian(1); });
-  const Eigen::VectorXd scale = UnknownScales(rig, unknowns);
-  struct Point {
-    size_t camera, region;
-    Eigen::Vector3d in_rig;
-  };
-  std::vector<Point> points;
-  for (size_t c = 0; c < 2; ++c) {
-    const BundleCamera& camera = rig.bundle.cameras[c];
-    for (int row = 0; row < 12; ++row) {
-      for (int column = 0; column < 16; ++column) {
-        const double u = 20 * (column + 0.5) - 0.5, v = 20 * (row + 0.5) - 0.5;
-        const Eigen::Vector3d ray =
-            Eigen::Vector3d((u - 160) / 300, (v - 118) / 310, 1).normalized();
-        for (const double distance : distances) {
-          points.push_back({c,
-                            static_cast<size_t>(3 * (row / 4) + (column < 5    ? 0
-                                                                 : column < 11 ? 1
-                                                                               : 2)),
-                            camera.T_camera_rig.Inverse() * (distance * ray)});
-        }
-      }
-    }
-  }
-  const auto project = [&](const Point& point, double error, const Vector6d& motion) {
-    BundleCamera camera = rig.bundle.cameras[point.camera];
-    for (size_t k = 0; k < 4; ++k) {
-      const int i = unknowns.params[point.camera][k];
-      if (i >= 0) camera.params[k] += error * scale[i] * x[i];
-    }
-    if (const int first = unknowns.extrinsics[point.camera]; first >= 0) {
-      camera.T_camera_rig = Retract(
-          camera.T_camera_rig, error * scale.segment<6>(first).cwiseProduct(x.segment<6>(first)));
-    }
-    const Eigen::Vector3d p =
-        camera.T_camera_rig * (ExpRotation(motion.tail<3>()) * point.in_rig + motion.head<3>());
-    return Eigen::Vector2d(camera.params[0] * p.x() / p.z() + camera.params[2],
-                           camera.params[1] * p.y() / p.z() + camera.params[3]);
-  };
-  constexpr double kStep = 1e-6;
-  const auto rows = static_cast<Eigen::Index>(2 * points.size());
-  Eigen::MatrixXd A(rows, 6);
-  Eigen::VectorXd e(rows);
-  const Vector6d zero = Vector6d::Zero();
-  for (Eigen::Index i = 0; i < rows / 2; ++i) {
-    const Point& point = points[static_cast<size_t>(i)];
-    e.segment<2>(2 * i) =
-        (project(point, kStep, zero) - project(point, -kStep, zero)) / (2 * kStep);
-    for (Eigen::Index k = 0; k < 6; ++k) {
-      const Vector6d step = kStep * Vector6d::Unit(k);
-      A.block<2, 1>(2 * i, k) = (project(point, 0, step) - project(point, 0, -step)) / (2 * kStep);
-    }
-  }
-  const Eigen::VectorXd rest = e - A * A.householderQr().solve(e);
-  const Eigen::MatrixXd C = x * x.transpose();
-  EXPECT_NEAR(sigma.Of(C) / std::sqrt(2 * rest.squaredNorm() / static_cast<double>(rows)), 1, 1e-5);
-  for (size_t c = 0; c < 2; ++c) {
-    for (size_t r = 0; r < kRegions; ++r) {
-      double sum = 0, count = 0;
-      for (Eigen::Index i = 0; i < rows / 2; ++i) {
-        const Point& point = points[static_cast<size_t>(i)];
-        if (point.camera != c || point.region != r) continue;
-        sum += rest.segment<2>(2 * i).squaredNorm();
-        count += 1;
-      }
-      EXPECT_NEAR(sigma.InRegion(c, r, C) / std::sqrt(sum / count), 1, 1e-4) << c << " " << r;
-    }
-  }
-  EXPECT_THROW(ProjectionSigma(rig, unknowns, {}), Error);
 }
 
 TEST(InformationState, GainsSigmaOrEntropy) {

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "assess/views/micro_lens_visibility.h"
 #include "assess/views/next_views.h"
 #include "calib/base/error.h"
 #include "models/registry.h"
@@ -90,6 +89,20 @@ TEST(FeasibleRange, OfAPlenopticCameraIsAboutWhatWasSeen) {
   EXPECT_NEAR(range.nearest, 0.3, 1e-12);
   EXPECT_NEAR(range.farthest, 1.8, 1e-12);
   EXPECT_THROW(FeasibleRange(rig, 0, Board(), {}, {}), Error);
+}
+
+TEST(FeasibleRange, NeedsRaysInTheMiddleOfTheImage) {
+  RigEstimate rig = OneCamera();
+  CameraModel narrow = *rig.bundle.cameras[0].model;
+  rig.bundle.cameras[0].model = &narrow;
+  narrow.functions.unproject =
+      [](const CameraModel&, const double* params, const double*, const double* values) {
+        return values[0] > params[0] ? std::nullopt : std::optional<Ray>({{0, 0, 0}, {0, 0, 1}});
+      };
+  for (const double limit : {195, 205}) {  // of x; the middle is at 200
+    rig.bundle.cameras[0].params[0] = limit;
+    EXPECT_THROW(FeasibleRange(rig, 0, Board(), {}, {}), Error);
+  }
 }
 
 TEST(CandidatePoses, AreAGridOverImageDistanceAndTilt) {
@@ -255,28 +268,6 @@ TEST(LookDifferent, ByEachNumberAlone) {
   EXPECT_TRUE(differs([](TargetPose& other) { other.distance = 1.59; }));
 }
 
-TEST(MicroLensVisibility, FindsTheNearestMicroImage) {
-  std::vector<Eigen::Vector2d> centres;
-  for (int row = 0; row < 10; ++row) {
-    for (int column = 0; column < 12; ++column) {
-      centres.emplace_back(10 * column + (row % 2 == 0 ? 5 : 0), 9 * row + 4);
-    }
-  }
-  const MicroLensVisibility lenses({120, 90}, 10, centres);
-  EXPECT_TRUE(lenses.HasLenses());
-  EXPECT_FALSE(MicroLensVisibility().HasLenses());
-  EXPECT_EQ(lenses.Nearest({46, 3}), Eigen::Vector2d(45, 4));
-  EXPECT_EQ(lenses.Nearest({1000, 1000}), Eigen::Vector2d(110, 85));
-  MicroLensArray array;
-  array.image_size = {120, 90};
-  array.e_column = {10, 0}, array.e_row = {5, 9};
-  array.lenses.resize(2);
-  array.lenses[0].centre = {20, 20};
-  array.lenses[0].usable = false;
-  array.lenses[1].centre = {80, 50};
-  EXPECT_EQ(MicroLensVisibility(array).Nearest({20, 20}), Eigen::Vector2d(80, 50));
-}
-
 NextView ViewOf(double tilt, double away, double turn, double distance) {
   NextView view{
       .pose = {.place = {380, 20}, .distance = distance, .tilt = tilt, .away = away, .turn = turn},
@@ -299,10 +290,10 @@ TEST(NextViewText, SaysWhereTheTargetIs) {
                                "upper left corner",
                                "upper edge",
                                "upper right corner"};
-  for (int i = -8; i < 9; ++i) {
+  for (int i = -20; i < 20; ++i) {
     EXPECT_EQ(NextViewText(ViewOf(0.5, i * kPi / 4, 1, 1.26), rig, {.unit = "mm"}),
               std::string("target in the upper right corner, 1.3 m away, its ") +
-                  sides[(i + 8) % 8] +
+                  sides[(i + 24) % 8] +
                   " tilted away by 29 degrees, turned by 90 degrees: sigma 0.5 -> 0.25 mm");
   }
   rig.bundle.cameras.push_back(rig.bundle.cameras[0]);
