@@ -7,11 +7,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "assess/views/pose_errors.h"
 #include "assess/views/target_poses.h"
 #include "calib/camera/noise_model.h"
 #include "models/registry.h"
+#include "tests/assess/views/virtual_lenses.h"
 #include "tests/calib/random.h"
 
 namespace plenocal::testing {
@@ -27,7 +29,7 @@ struct Rig {
   ViewTarget target;
   RigidTransform T_rig_target{ExpRotation({0.2, -0.3, 0.1}), {-0.3, -0.15, 1.2}};
 
-  Rig() {
+  explicit Rig(bool fixed = false) {
     Random random(3);
     Bundle& bundle = estimate.bundle;
     for (int c = 0; c < 2; ++c) {
@@ -36,7 +38,7 @@ struct Rig {
                           .model = FindModel(CameraModels(), "pinhole"),
                           .config = {},
                           .params = {300 + 20.0 * c, 310, 200, 150},
-                          .fixed = {false, c == 0, false, false},
+                          .fixed = {fixed, fixed || c == 0, fixed, fixed},
                           .T_camera_rig = {},
                           .is_master = c == 0};
       bundle.cameras.push_back(camera);
@@ -152,27 +154,40 @@ void ExpectClose(const Eigen::MatrixXd& found, const Eigen::MatrixXd& expected) 
   EXPECT_LT((found - expected).norm(), 1e-5 * expected.norm());
 }
 
-TEST(FrameInformation, IsOfTheNormalEquationsWithoutThePose) {
-  Rig rig;
+// `fixed`: all parameters, so that extrinsics are the first unknowns.
+void ExpectNormalEquations(bool fixed) {
+  Rig rig(fixed);
   Random random(5);
   std::vector<int> all(kMarkers);
   for (int m = 0; m < kMarkers; ++m) all[static_cast<size_t>(m)] = m;
   rig.Observe(0, all, 20, &random);
   const std::vector<BundleObservation> good = rig.estimate.bundle.observations;
   auto& seen = rig.estimate.bundle.observations;
-  // What adds nothing: not used, not finite (alone and beside another), of an unknown marker.
+  // What adds nothing: not used, not finite (alone and beside another), of an unknown marker, and
+  // of one behind the cameras (alone and beside another).
   rig.estimate.bundle.markers.push_back({.number = 500, .position = {}, .nominal = {}});
   std::vector<BundleObservation> counted = good;
-  seen[3].used = false;
+  seen[3].used = seen[130].used = false;
   seen[7].seen.values[0] = std::numeric_limits<double>::quiet_NaN();
   seen[30].seen.values[1] = std::numeric_limits<double>::quiet_NaN();
   const int bad = seen[30].marker;
   std::erase_if(counted, [&](const BundleObservation& each) {
-    return each.camera == 0 && (each.marker == 3 || each.marker == 7 || each.marker == bad);
+    return each.camera == 0 ? each.marker == 3 || each.marker == 7 || each.marker == bad
+                            : each.marker == 10;
   });
   BundleObservation stray = seen.back();
   stray.marker = kMarkers;
   seen.push_back(stray);
+  rig.target.markers[600] = {0, 0, -3};
+  rig.estimate.marker_sigmas[600] = Eigen::Vector3d::Zero();
+  rig.estimate.bundle.markers.push_back(
+      {.number = 600, .position = rig.target.markers[600], .nominal = {}});
+  stray.marker = kMarkers + 1;
+  seen.push_back(stray);
+  for (int i = 0; i < 2; ++i) {
+    stray.camera = 0;
+    seen.insert(seen.begin(), stray);
+  }
   const ViewPredictor predictor(rig.estimate, rig.unknowns, rig.target);
   int frames = 0;
   predictor.ForFrames([&](const ViewPredictor::FrameInformation& frame) {
@@ -185,11 +200,37 @@ TEST(FrameInformation, IsOfTheNormalEquationsWithoutThePose) {
     ExpectClose(frame.information, N.topLeftCorner(n, n) - tx * covariance * tx.transpose());
     ExpectClose(frame.gradient,
                 N.col(n + 6).head(n) - tx * covariance * N.col(n + 6).segment<6>(n));
+    EXPECT_EQ(frame.information, frame.information.transpose());
     ExpectClose(frame.pose_covariance, covariance);
     ExpectClose(frame.pose_by_unknowns, -covariance * tx.transpose());
     ExpectClose(predictor.InformationSoFar(), frame.information + Eigen::MatrixXd::Identity(n, n));
   });
   EXPECT_EQ(frames, 1);
+}
+
+TEST(FrameInformation, IsOfTheNormalEquationsWithoutThePose) {
+  ExpectNormalEquations(false);
+  ExpectNormalEquations(true);
+}
+
+// The last observation of a frame and the first of the next one are of one camera and marker.
+TEST(FrameInformation, EndsWithItsFrame) {
+  Rig rig;
+  Random random(8);
+  rig.Observe(0, {0, 60, 69, 9}, 1000, &random);
+  rig.Observe(1, {9, 0, 60, 69}, 1000, &random);
+  auto& seen = rig.estimate.bundle.observations;
+  std::erase_if(seen, [](const BundleObservation& each) { return each.camera == 1; });
+  const auto first = [&] {
+    std::vector<Eigen::MatrixXd> found;
+    ViewPredictor(rig.estimate, rig.unknowns, rig.target).ForFrames([&](const auto& frame) {
+      found.push_back(frame.information);
+    });
+    return found.at(0);
+  };
+  const Eigen::MatrixXd beside_another = first();
+  std::erase_if(seen, [](const BundleObservation& each) { return each.frame == 1; });
+  EXPECT_EQ(first(), beside_another);
 }
 
 TEST(FrameInformation, IsOfEachFrameWhosePoseIsDetermined) {
@@ -219,6 +260,7 @@ TEST(PredictedInformation, IsOfTheMarkersThatAreSeenForAll) {
   const ViewPredictor predictor(rig.estimate, rig.unknowns, rig.target);
   for (const size_t most : {size_t{8}, size_t{24}, size_t{1000}}) {
     std::vector<BundleObservation> observations;
+    std::vector<Eigen::Vector3d> order;
     for (int c = 0; c < 2; ++c) {
       const TargetVisibility view =
           predictor.PredictVisibility(static_cast<size_t>(c), rig.T_rig_target, most);
@@ -233,11 +275,21 @@ TEST(PredictedInformation, IsOfTheMarkersThatAreSeenForAll) {
           if ((u - u_px).norm() < 1e-9) marker = m;
         }
         ASSERT_GE(marker, 0);
+        if (c == 0) order.push_back(rig.target.markers.at(marker));
         observations.push_back({.camera = c,
                                 .marker = marker,
                                 .seen = {},
                                 .assumed_sigma = rig.estimate.sigma_px[static_cast<size_t>(c)]});
       }
+    }
+    // Each next marker is the farthest from those before.
+    for (size_t i = 1; i < order.size(); ++i) {
+      const auto nearest = [&](size_t j) {
+        double least = std::numeric_limits<double>::infinity();
+        for (size_t k = 0; k < i; ++k) least = std::min(least, (order[j] - order[k]).norm());
+        return least;
+      };
+      for (size_t j = i + 1; j < order.size(); ++j) ASSERT_LE(nearest(j), nearest(i)) << i;
     }
     const Eigen::Index n = rig.unknowns.unit.size();
     const Eigen::MatrixXd N =
@@ -259,6 +311,150 @@ TEST(PredictedInformation, IsOfTheMarkersThatAreSeenForAll) {
   EXPECT_TRUE(one.Information(rig.T_rig_target, 24));
   EXPECT_TRUE(one.Information(rig.T_rig_target, 24, 0));
   EXPECT_FALSE(one.Information(rig.T_rig_target, 24, 1));
+}
+
+// A camera of 300 px a radian before markers one metre away; all on the optical axis, or as many
+// `hidden` far beside it.
+struct Axis {
+  RigEstimate rig;
+  RigUnknowns unknowns;
+  ViewTarget target;
+
+  explicit Axis(int visible, int hidden = 0) {
+    rig.bundle.cameras.push_back({.name = "left",
+                                  .image_size = {400, 300},
+                                  .model = FindModel(CameraModels(), "pinhole"),
+                                  .config = {},
+                                  .params = {300, 300, 200, 150},
+                                  .fixed = std::vector<bool>(4, false),
+                                  .T_camera_rig = {},
+                                  .is_master = true});
+    rig.lenses.resize(1);
+    for (int m = 0; m < visible + hidden; ++m) {
+      target.markers[m] = {m < visible ? 0.0 : 5.0, 0, 0};
+    }
+  }
+  [[nodiscard]] bool Finds(double tilt = 0) const {
+    const RigidTransform T{ExpRotation({0, tilt, 0}), {0, 0, 1}};
+    return ViewPredictor(rig, unknowns, target).PredictVisibility(0, T, 1000).found;
+  }
+};
+
+TEST(TargetVisibility, NeedsEnoughMarkers) {
+  const auto finds = [](int visible, int hidden, bool in_part) {
+    Axis axis(visible, hidden);
+    axis.target.found_in_part = in_part;
+    return axis.Finds();
+  };
+  EXPECT_TRUE(finds(12, 0, false));
+  EXPECT_FALSE(finds(11, 1, false));
+  EXPECT_TRUE(finds(6, 6, true));
+  EXPECT_FALSE(finds(6, 7, true)) << "less than half";
+  EXPECT_FALSE(finds(5, 3, true)) << "fewer than six";
+  EXPECT_TRUE(finds(5, 0, true)) << "all that there are";
+}
+
+TEST(TargetVisibility, NeedsThePrintedSideBelow75Degrees) {
+  Axis axis(6);
+  constexpr double kDegree = std::numbers::pi / 180;
+  EXPECT_TRUE(axis.Finds(80 * kDegree)) << "it has none";
+  for (int m = 0; m < 6; ++m) axis.target.normals[m] = {0, 0, -1};
+  EXPECT_TRUE(axis.Finds(74 * kDegree));
+  EXPECT_FALSE(axis.Finds(76 * kDegree));
+  EXPECT_FALSE(axis.Finds(180 * kDegree));
+}
+
+// Three pixels are 10 mm, or 20 mm on a side that is tilted by 60 degrees.
+TEST(TargetVisibility, NeedsResolvedDetails) {
+  const auto finds = [](double finest, bool printed, double tilt) {
+    Axis axis(6);
+    axis.target.finest = finest;
+    for (int m = 0; m < 6 && printed; ++m) axis.target.normals[m] = {0, 0, -1};
+    return axis.Finds(tilt);
+  };
+  for (const bool printed : {false, true}) {
+    EXPECT_TRUE(finds(0.0101, printed, 0));
+    EXPECT_FALSE(finds(0.0099, printed, 0));
+  }
+  EXPECT_TRUE(finds(0.0101, false, 1)) << "a ball has no side";
+  EXPECT_TRUE(finds(0.0207, true, std::numbers::pi / 3));
+  EXPECT_FALSE(finds(0.0193, true, std::numbers::pi / 3));
+  EXPECT_FALSE(finds(0.0207, true, -1.4)) << "hardly any of the other direction";
+}
+
+TEST(TargetVisibility, OfAPlenopticCameraNeedsTwoLenses) {
+  VirtualLenses made;
+  Axis axis(6);
+  axis.rig.bundle.cameras = {made.camera};
+  const auto finds = [&](const Eigen::Vector2d& place) {
+    const RigidTransform T{Eigen::Matrix3d::Identity(), {place.x(), place.y(), 1.2}};
+    return ViewPredictor(axis.rig, axis.unknowns, axis.target).PredictVisibility(0, T, 1000).found;
+  };
+  const Eigen::Vector2d lens = made.centres[315];
+  EXPECT_FALSE(finds(lens + Eigen::Vector2d(5, 0))) << "no lens is known";
+  axis.rig.lenses[0] = made.array;
+  // Lenses show what is 5.4 px away; neighbours of a row are 10 px apart.
+  EXPECT_TRUE(finds(lens + Eigen::Vector2d(5, 0)));
+  EXPECT_FALSE(finds(lens));
+}
+
+// Rows of twelve lenses, which stand for all that show a marker.
+TEST(PredictedInformation, OfAPlenopticCameraIsOfTheLensesThatShowEachMarker) {
+  VirtualLenses made;
+  made.camera.params[0] = 1e-5;
+  made.camera.noise.common_sigma = 0.1;
+  RigEstimate rig;
+  rig.bundle.cameras = {made.camera};
+  rig.sigma_px = {0.4};
+  rig.lenses = {made.array};
+  ViewTarget target;
+  for (int m = 0; m < 7; ++m) {
+    target.markers[m] = {20.0 * (m % 3), 15.0 * (m / 3), 0.4 * (m % 2)};
+    rig.marker_sigmas[m] = {0.3, 0.2, 0.01};
+  }
+  const RigUnknowns unknowns = MakeRigUnknowns(rig.bundle, 1);
+  const RigidTransform T{ExpRotation({0.001, 0.002, 0.1}), {120, 90, 5}};
+  const auto project = [&](int m, const Eigen::Vector2d& lens, const Eigen::VectorXd& change) {
+    std::vector<double> params = made.camera.params;
+    for (size_t k = 0; k < 2; ++k) params[k] += change[static_cast<Eigen::Index>(k)];
+    const std::array values{lens.x(), lens.y(), lens.x(), lens.y()};
+    Eigen::Vector2d u;
+    made.model.Project(params.data(),
+                       nullptr,
+                       values.data(),
+                       Retract(T, change.segment<6>(2)) * (target.markers.at(m) + change.tail<3>()),
+                       u.data());
+    return u;
+  };
+  const MicroLensVisibility lenses(made.array);
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(8, 8);
+  for (int m = 0; m < 7; ++m) {
+    const auto seen = lenses.LensesShowing(made.camera, T * target.markers.at(m), 12);
+    ASSERT_EQ(seen.centres.size(), 12U);
+    ASSERT_GT(seen.all, 13U);
+    // Each row is there seen.all / 12 times.
+    const double root = std::sqrt(static_cast<double>(seen.all) / 12) / 0.4;
+    Eigen::MatrixXd J(24, 8), shared(24, 5);
+    for (Eigen::Index i = 0; i < 12; ++i) {
+      for (Eigen::Index k = 0; k < 11; ++k) {
+        const double step = k < 2 ? 1e-7 : 1e-5;
+        const Eigen::VectorXd change = step * Eigen::VectorXd::Unit(11, k);
+        const Eigen::Vector2d& lens = seen.centres[static_cast<size_t>(i)];
+        const Eigen::Vector2d d =
+            root * (project(m, lens, change) - project(m, lens, -change)) / (2 * step);
+        if (k < 8) J.block<2, 1>(2 * i, k) = d * (k < 2 ? unknowns.unit[k] : 1);
+        if (k >= 8) shared.block<2, 1>(2 * i, k - 8) = d * rig.marker_sigmas.at(m)[k - 8];
+      }
+      shared.block<2, 2>(2 * i, 3) = root * 0.1 * Eigen::Matrix2d::Identity();
+    }
+    const Eigen::MatrixXd V = Eigen::MatrixXd::Identity(24, 24) + shared * shared.transpose();
+    N += J.transpose() * V.inverse() * J;
+  }
+  const Eigen::MatrixXd tx = N.topRightCorner(2, 6);
+  const auto found = ViewPredictor(rig, unknowns, target).Information(T, 1000);
+  ASSERT_TRUE(found);
+  ExpectClose(*found,
+              N.topLeftCorner(2, 2) - tx * N.bottomRightCorner(6, 6).inverse() * tx.transpose());
 }
 
 // A record of one camera with four frames of 12 markers; `scale` is that of its sigmas.
@@ -313,6 +509,8 @@ TEST(SetFactors, TakesTheMedianRatioOfVariances) {
   EXPECT_NEAR(set({4, 4, 4, 4}), 4, 1e-6);
   EXPECT_NEAR(set({2.25, 2.25, 9, 2.25}), 2.25, 1e-6);
   EXPECT_NEAR(set({16, 9, 9, 0.5}), 9, 1e-6);
+  EXPECT_NEAR(set({9, 4, 4, 9}), 9, 1e-6);  // the upper one of an even number
+  EXPECT_NEAR(set({4, 4, 9, 9}), 9, 1e-6);
   EXPECT_EQ(set({0.5, 0.25, 0.5, 0.5}), 1);
   set({4, 4, 4, 4});
   const CalibratedViews views(record);
@@ -322,8 +520,26 @@ TEST(SetFactors, TakesTheMedianRatioOfVariances) {
   // What the prior alone determines has no part in the factor.
   RigEstimate poor = MakeRigEstimate(record);
   poor.bundle.observations.clear();
+  record.cameras[0].covariance.diagonal() = 4 * unknowns.unit.cwiseAbs2();
   SetFactors(record, target, &poor);
   EXPECT_EQ(poor.factors[0], 1);
+}
+
+// Extrinsics are judged in the first camera's distance from the target.
+TEST(CalibratedViews, MeasureExtrinsicsByTheDistanceOfPoints) {
+  CalibrationRecord record = Record();
+  CalibratedCamera other = record.cameras[0];
+  other.name = "right";
+  other.T_camera_rig.t = {0, 0, 2};
+  record.cameras.push_back(other);
+  const auto unit = [&] {
+    const CalibratedViews views(record);
+    return views.Unknowns().unit[views.Unknowns().extrinsics[1]];
+  };
+  const std::vector<double> distances = PointDistances(MakeRigEstimate(record).bundle, 0);
+  EXPECT_EQ(unit(), distances[24]);
+  record.cameras[0].residuals.clear();
+  EXPECT_EQ(unit(), 1);
 }
 
 TEST(ComputePoseErrors, AreThoseOfTheFrameAndOfAllUnknowns) {
