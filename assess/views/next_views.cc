@@ -24,7 +24,12 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Sizes of the stages from coarse to fine: markers and candidates.
 constexpr size_t kCoarseMarkers = 24, kFineMarkers = 150;
-constexpr size_t kKept = 400, kPreferred = 100, kExecuted = 16;
+constexpr size_t kKept = 400;
+struct Effort {
+  size_t preferred;  // candidates of which the gain is computed
+  size_t executed;   // and of these, those of which its mean over inexact poses is
+};
+constexpr Effort kSuggested{100, 16}, kCounted{20, 4};
 // The most views that are counted until the goal.
 constexpr size_t kMostViews = 30;
 
@@ -64,8 +69,7 @@ class NextViewChooser::Impl {
       const bool reached = state_->SigmaOfImages() <= options_.goal;
       if (reached && !result.suggested) result.suggested = i;
       if (reached && i >= wanted) break;
-      Candidate* const best = i < wanted ? Best(result.views, kPreferred, kExecuted)
-                                         : Best({}, kPreferred / 5, kExecuted / 4);
+      Candidate* const best = i < wanted ? Best(result.views, kSuggested) : Best({}, kCounted);
       if (best == nullptr) break;
       if (i < wanted) {
         result.views.push_back(Take(Improved(*best, result.views)));
@@ -190,36 +194,28 @@ class NextViewChooser::Impl {
       if (design.weights[i] > least) chosen.push_back(static_cast<size_t>(i));
     }
     const Eigen::VectorXd slope = PackedTwice(design.slope);
-    struct Found {
-      TargetPose pose;
-      Eigen::VectorXd information;
-      double loss = 0;
+    const auto inform = [&](const TargetPose& pose) -> std::optional<Eigen::VectorXd> {
+      const auto candidate = MakeCandidate(pose);
+      const auto more = candidate ? InformationOf(*candidate, kFineMarkers) : std::nullopt;
+      return more ? std::optional(Packed(*more)) : std::nullopt;
     };
-    std::vector<Found> found(chosen.size());
+    const auto lose = [&](const TargetPose& pose) {
+      const auto information = inform(pose);
+      return information ? slope.dot(*information) : -kInfinity;
+    };
+    const auto neighbour = [&](const TargetPose& pose, size_t k, double step) {
+      return Neighbour(pose, k, step);
+    };
+    std::vector<std::pair<TargetPose, Eigen::VectorXd>> found(chosen.size());
     ParallelFor(chosen.size(), options_.threads, [&](size_t i) {
-      Found& best = found[i];
-      best.pose = fine_.poses[chosen[i]];
-      best.information = fine_.Column(chosen[i]);
-      best.loss = slope.dot(best.information);
-      for (const double step : {1.0, 0.5, 0.25}) {
-        for (size_t k = 0; k < kNeighbours; ++k) {
-          const TargetPose pose = Neighbour(best.pose, k, step);
-          const auto candidate = MakeCandidate(pose);
-          const auto more = candidate ? InformationOf(*candidate, kFineMarkers) : std::nullopt;
-          if (!more) continue;
-          const Eigen::VectorXd packed = Packed(*more);
-          const double loss = slope.dot(packed);
-          if (loss > best.loss) best = {pose, packed, loss};
-        }
-      }
+      const TargetPose pose = LargestNearby(fine_.poses[chosen[i]], neighbour, lose);
+      found[i] = {pose, *inform(pose)};
     });
-    bool any = false;
-    for (const Found& each : found) {
-      if (!(each.loss > kClearly * design.steepest)) continue;
-      fine_.Add(each.pose, each.information);
-      any = true;
+    const size_t before = fine_.poses.size();
+    for (const auto& [pose, information] : found) {
+      if (slope.dot(information) > kClearly * design.steepest) fine_.Add(pose, information);
     }
-    return any;
+    return fine_.poses.size() > before;
   }
 
   [[nodiscard]] TargetPose Neighbour(const TargetPose& pose, size_t neighbour, double step) const {
@@ -319,8 +315,7 @@ class NextViewChooser::Impl {
   }
 
   // The candidate of the largest expected gain that differs from those views; null: none gains.
-  // `preferred`: those of which the gain is computed, `executed`: its mean over inexact poses.
-  Candidate* Best(const std::vector<NextView>& before, size_t preferred, size_t executed) {
+  Candidate* Best(const std::vector<NextView>& before, const Effort& effort) {
     const bool sigma = state_->Criterion() == ViewCriterion::kSigma;
     const Eigen::VectorXd losses =
         fine_.Columns().transpose() *
@@ -337,11 +332,11 @@ class NextViewChooser::Impl {
       open.resize(std::min(open.size(), count));
     };
     // The loss per view is the gain by a small part of it.
-    if (sigma) keep_best(preferred);
+    if (sigma) keep_best(effort.preferred);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
       open[i].first = state_->Gain(Unpacked(fine_.Column(*open[i].second->fine)));
     });
-    keep_best(executed);
+    keep_best(effort.executed);
     ParallelFor(open.size(), options_.threads, [&](size_t i) {
       Candidate& each = *open[i].second;
       if (each.expected.size() == 0) each.expected = Expected(each);

@@ -190,6 +190,21 @@ TargetPose NeighbourPose(TargetPose pose,
   return pose;
 }
 
+TargetPose LargestNearby(
+    TargetPose pose,
+    const std::function<TargetPose(const TargetPose&, size_t, double)>& neighbour,
+    const std::function<double(const TargetPose&)>& value) {
+  double most = value(pose);
+  for (const double step : {1.0, 0.5, 0.25}) {
+    for (size_t k = 0; k < kNeighbours; ++k) {
+      const TargetPose next = neighbour(pose, k, step);
+      const double at_next = value(next);
+      if (at_next > most) pose = next, most = at_next;
+    }
+  }
+  return pose;
+}
+
 std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,
                                           const ViewTarget& shape,
                                           const TargetPose& pose) {

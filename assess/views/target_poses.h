@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -57,6 +58,13 @@ TargetPose NeighbourPose(TargetPose pose,
                          ImageSize image_size,
                          const ViewRange& range,
                          double largest_tilt);
+
+/// Pose of the largest value near another one, by steps from neighbour(pose, k, step) to the next
+/// one: 1, 1/2 and 1/4 of the candidates' distance along each number in turn.
+TargetPose LargestNearby(
+    TargetPose pose,
+    const std::function<TargetPose(const TargetPose&, size_t, double)>& neighbour,
+    const std::function<double(const TargetPose&)>& value);
 
 /// T_camera_target of a pose; nothing where the camera has no ray to its place.
 std::optional<RigidTransform> PlaceTarget(const RigEstimate& rig,

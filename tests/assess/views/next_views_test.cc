@@ -230,11 +230,13 @@ TEST(NextViews, StateWhatTheBestChoiceCouldReach) {
   const NextViews next = ChooseNextViews(known.rig, shape, {.count = 4});
   ASSERT_TRUE(next.bound);
   EXPECT_LT(next.bound->sigma, next.sigma);
+  double further = -1;
   for (const double goal : {0.9, 0.5, 0.3}) {
     const NextViews until =
         ChooseNextViews(known.rig, shape, {.count = 1, .goal = goal * next.sigma});
     ASSERT_TRUE(until.bound && until.suggested) << goal;
-    EXPECT_GE(until.bound->WholeFurther(), 1);
+    EXPECT_GT(until.bound->further, further) << "a lower goal takes more";
+    further = until.bound->further;
     EXPECT_LE(until.bound->WholeFurther(), static_cast<double>(*until.suggested));
   }
   // The suggestions are a choice as well.
@@ -522,7 +524,7 @@ TEST(NextViews, DifferAndNameTheRegionThatTheyLowerMost) {
 // A target of one's own aim: the words are those of what is lowered.
 TEST(NextViews, LowerWhatTheUserWants) {
   const SyntheticProblem problem = MakeProblem(9, {.frames = 8, .noise = 0.1});
-  const RigEstimate rig = KnownFrom(problem.input).rig;
+  RigEstimate rig = KnownFrom(problem.input).rig;
   NextViewOptions options{.count = 1, .range = {0.33, 0.36}, .goal = 1};
   options.lowered = [](const RigEstimate& /*rig*/, const RigUnknowns& unknowns) {
     const Eigen::MatrixXd row = Eigen::RowVectorXd::Unit(unknowns.unit.size(), 0);
@@ -534,6 +536,20 @@ TEST(NextViews, LowerWhatTheUserWants) {
   ASSERT_EQ(next.views.size(), 1U);
   EXPECT_EQ(next.views[0].region, 4U);
   EXPECT_LT(next.views[0].sigma_after, next.views[0].sigma_before);
+  // Views gain more than a tenth, or hardly anything if their points are ten times worse.
+  const double factor = 3e-3 / next.sigma;
+  options.lowered = [&](const RigEstimate& /*rig*/, const RigUnknowns& unknowns) {
+    const Eigen::MatrixXd row = Eigen::RowVectorXd::Unit(unknowns.unit.size(), 0);
+    return ProjectionSigma({{0, 4, factor * row}}, 1, {});
+  };
+  for (const double noise : {1.0, 10.0}) {
+    rig.sigma_px[0] *= noise;
+    const NextViews scaled = ChooseNextViews(rig, FewMarkers(problem), options);
+    EXPECT_NEAR(scaled.sigma, 3, 1e-9);
+    ASSERT_EQ(scaled.views.size(), 1U);
+    EXPECT_EQ(scaled.views[0].sigma_after > 2.7, noise == 10);
+    EXPECT_EQ(scaled.exhausted, noise == 10);
+  }
 }
 
 }  // namespace TEST_FILE

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "assess/views/next_views.h"
@@ -162,6 +163,34 @@ TEST(NeighbourPose, ChangesOneNumberUpOrDown) {
   EXPECT_EQ(limited(5).distance, 1.95);
   EXPECT_EQ(limited(6).tilt, 0.41);
   EXPECT_EQ(NeighbourPose({.tilt = 0.01}, 7, kStep, {400, 300}, {1, 4}, 0.8).tilt, 0);
+}
+
+// Along each number a parabola, whose top the steps reach within an eighth of the first one.
+TEST(LargestNearby, ClimbsByHalvedSteps) {
+  const auto numbers = [](const TargetPose& each) {
+    return std::array{
+        each.place.x(), each.place.y(), each.distance, each.tilt, each.away, each.turn};
+  };
+  const auto neighbour = [](TargetPose pose, size_t k, double step) {
+    const std::array each{
+        &pose.place.x(), &pose.place.y(), &pose.distance, &pose.tilt, &pose.away, &pose.turn};
+    *each[k / 2] += k % 2 == 0 ? step : -step;
+    return pose;
+  };
+  const std::array top{1.7, -1.3, 0.8, -0.6, 0.2, -1.9};
+  int tried = 0;
+  const auto value = [&](const TargetPose& pose) {
+    ++tried;
+    double sum = 0;
+    for (size_t k = 0; k < 6; ++k) sum -= std::pow(numbers(pose)[k] - top[k], 2);
+    return sum;
+  };
+  const TargetPose found = LargestNearby({}, neighbour, value);
+  EXPECT_THAT(numbers(found), ::testing::ElementsAre(1.75, -1.25, 0.75, -0.5, 0.25, -1.75));
+  EXPECT_EQ(tried, 1 + 3 * 12);
+  const auto none = [](const TargetPose&) { return -std::numeric_limits<double>::infinity(); };
+  EXPECT_THAT(numbers(LargestNearby(found, neighbour, none)),
+              ::testing::ElementsAreArray(numbers(found)));
 }
 
 TEST(PlaceTarget, PutsTheMiddleAtItsPlaceTiltedAndTurned) {
