@@ -221,8 +221,9 @@ TEST(RigUnknowns, AreDeformationsOfATargetWithATolerance) {
     std::vector<Eigen::Vector3d> places;
     Random random(3);
     for (int i = 0; i < 12; ++i) {
-      places.emplace_back(
+      const Eigen::Vector3d p(
           random.Uniform(-1, 1), random.Uniform(-0.6, 0.6), random.Uniform(-depth, depth));
+      places.emplace_back(0.1 * p);
     }
     const RigUnknowns unknowns = MakeRigUnknowns(WithMarkers(places), 1);
     EXPECT_EQ(unknowns.head, 0);
@@ -262,6 +263,7 @@ TEST(RigUnknowns, AreDeformationsOfATargetWithATolerance) {
 TEST(RigUnknowns, HaveNoDeformationsThatMoveNothing) {
   EXPECT_TRUE(MakeRigUnknowns(WithMarkers({{1, 2, 3}}), 1).deformations.empty());
   // A line along an axis has a stretch and two bends of its direction.
+  EXPECT_EQ(MakeRigUnknowns(WithMarkers({{0, 0, 0}, {1, 0, 0}}), 1).unit.size(), 3);
   const RigUnknowns line = MakeRigUnknowns(WithMarkers({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}), 1);
   EXPECT_EQ(line.unit.size(), 3);
   for (const auto& [number, fields] : line.deformations) {
