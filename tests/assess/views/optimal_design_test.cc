@@ -49,6 +49,7 @@ TEST(OptimalDesign, PacksTheProductOfMatrices) {
   std::mt19937 dice(1);
   const Eigen::MatrixXd a = Random(&dice, 4), b = Random(&dice, 4);
   const Eigen::MatrixXd A = a + a.transpose(), B = b * b.transpose();
+  EXPECT_EQ(Packed(A).size(), 10);
   EXPECT_EQ(Unpacked(Packed(A)), A);
   EXPECT_NEAR(PackedTwice(A).dot(Packed(B)), (A * B).trace(), 1e-12);
 }
@@ -120,6 +121,12 @@ TEST(OptimalDesign, FindsTheFewGoodOnesOfManyViews) {
   EXPECT_LE(design.trace, 1.0031 * design.LeastTrace(5));
   EXPECT_EQ((design.weights.array() > 0).count(), 30);
   EXPECT_GT(design.weights.tail(2).sum(), 4.9);
+  // What an earlier solution has of the others goes.
+  Eigen::VectorXd start = Eigen::VectorXd::Constant(58, 1e-5);
+  start[57] = 1;
+  const OptimalDesign later = SolveDesign(problem.M, problem.so_far, views, 5, start);
+  EXPECT_LE(later.trace, 1.0031 * design.LeastTrace(5));
+  EXPECT_NEAR(later.weights.sum(), 5, 1e-9);
 }
 
 }  // namespace TEST_FILE
