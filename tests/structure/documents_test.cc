@@ -116,6 +116,17 @@ TEST(Documents, AreNamedWhereTheyAre) {
   EXPECT_GT(checked, 20);
 }
 
+TEST(Documents, StandInTheMenuOfTheSite) {
+  std::set<std::string> in_menu;
+  for (const std::string& line : LinesOf(fs::path(PLENOCAL_SOURCE) / "docs/site/mkdocs.yml")) {
+    if (line.ends_with(".md")) in_menu.insert(line.substr(line.rfind(' ') + 1));
+  }
+  for (const auto& entry : fs::directory_iterator(fs::path(PLENOCAL_SOURCE) / "docs")) {
+    const std::string name = entry.path().filename().string();
+    EXPECT_TRUE(!name.ends_with(".md") || in_menu.contains(name)) << name;
+  }
+}
+
 TEST(Documents, NameFilesThatExist) {
   // `bench/net compare`: what follows a blank is no part of the file.
   const std::regex file(
