@@ -21,7 +21,7 @@ PROGRAM = pathlib.Path(os.environ.get("PLENOCAL_PROGRAM", ROOT / "build/release/
 PICTURES = {".jpg", ".svg"}
 LANGUAGES = {".cc": "cpp", ".h": "cpp", ".json": "json", ".ipynb": "json", ".txt": "cmake", ".cff": "yaml", ".yml": "yaml"}
 DOCUMENTS = {ROOT / name: page for name, page in {
-    "README.md": "readme.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
+    "README.md": "readme.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "SECURITY.md": "security.md",
     "bench/README.md": "benches.md"}.items()} | {path: path.name for path in sorted((ROOT / "docs").glob("*.md"))}
 TITLES = {page: title for title, page in re.findall(r"- (.+): (\w+\.md)$", (ROOT / "docs/site/mkdocs.yml").read_text(), re.MULTILINE)}
 PYTHON = ["commands", "calibration", "camera", "images", "model", "session", "space", "target", "program", "errors"]
