@@ -74,8 +74,7 @@ class RawDetector {
               const PlenopticCamera& camera,
               const DetectOptions& options,
               DetectionCache* cache)
-      : target_(target),
-        camera_(camera),
+      : camera_(camera),
         options_(options),
         cache_(*cache),
         white_key_(internal::WhiteKey(options)),
@@ -171,7 +170,6 @@ class RawDetector {
         {"_virtual_depth.png", EncodeImage(".png", internal::DepthPicture(view.depth))}};
   }
 
-  const Target& target_;
   const PlenopticCamera& camera_;
   const DetectOptions& options_;
   DetectionCache& cache_;
