@@ -30,7 +30,8 @@ void TakeCameras(const CalibrationRecord& old,
                  CalibrationInput* input) {
   for (CameraInput& camera : input->cameras) {
     const bool single = old.cameras.size() == 1 && input->cameras.size() == 1;
-    const CalibratedCamera& was = FindCamera(old, single ? "" : camera.name);
+    const std::string name = single ? "" : camera.name;
+    const CalibratedCamera& was = FindCamera(old, name);
     if (was.image_size != camera.image_size) {
       throw InputError("{}: {} is calibrated for images of {} x {} px, the new ones are {} x {}",
                        old.path.string(),

@@ -115,7 +115,7 @@ void AddCrossingsAtPeaks(const Pattern& pattern,
     int count = 0;
     for (int x = kRadius; x + kLanes - kRadius <= image.cols; ++x) {
       peaks[count] = x;
-      count += (values[x] > 0) & (values[x] >= limits[x]) ? 1 : 0;
+      count += ((values[x] > 0) & (values[x] >= limits[x])) ? 1 : 0;
     }
     for (int i = 0; i < count; ++i) {
       if (const auto quadrupole = pattern.Quadrupole(image, peaks[i], y)) {
