@@ -19,7 +19,7 @@ struct CandidateBasis {
   ViewRange range;
 };
 
-/// Whether candidates that were made for some cameras are right for these, too: the same parameters
+/// True if candidates that were made for some cameras are right for these, too: the same parameters
 /// are free and within 1 % of their unit, noise and distances are within 5 %. `unknowns` of both.
 bool CandidatesStay(const std::vector<CandidateBasis>& made_for,
                     const std::vector<CandidateBasis>& cameras,

@@ -194,13 +194,13 @@ class NextViewChooser::Impl {
       if (design.weights[i] > least) chosen.push_back(static_cast<size_t>(i));
     }
     const Eigen::VectorXd slope = PackedTwice(design.slope);
-    const auto inform = [&](const TargetPose& pose) -> std::optional<Eigen::VectorXd> {
+    const auto packed = [&](const TargetPose& pose) -> std::optional<Eigen::VectorXd> {
       const auto candidate = MakeCandidate(pose);
       const auto more = candidate ? InformationOf(*candidate, kFineMarkers) : std::nullopt;
       return more ? std::optional(Packed(*more)) : std::nullopt;
     };
-    const auto lose = [&](const TargetPose& pose) {
-      const auto information = inform(pose);
+    const auto loss = [&](const TargetPose& pose) {
+      const auto information = packed(pose);
       return information ? slope.dot(*information) : -kInfinity;
     };
     const auto neighbour = [&](const TargetPose& pose, size_t k, double step) {
@@ -208,8 +208,8 @@ class NextViewChooser::Impl {
     };
     std::vector<std::pair<TargetPose, Eigen::VectorXd>> found(chosen.size());
     ParallelFor(chosen.size(), options_.threads, [&](size_t i) {
-      const TargetPose pose = LargestNearby(fine_.poses[chosen[i]], neighbour, lose);
-      found[i] = {pose, *inform(pose)};
+      const TargetPose pose = LargestNearby(fine_.poses[chosen[i]], neighbour, loss);
+      found[i] = {pose, *packed(pose)};
     });
     const size_t before = fine_.poses.size();
     for (const auto& [pose, information] : found) {
