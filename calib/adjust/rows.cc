@@ -49,12 +49,11 @@ RobustFactor RobustFactorOf(const RobustLoss& robust, double s2) {
     const double factor = std::sqrt(rho / s2);
     return {factor, (width / (s * s2) - rho / (s2 * s2)) / (2 * factor)};
   }
-  if (robust.loss == Loss::kCauchy && s2 > 0) {
+  constexpr double kSmall = 1e-8;  // parts of k^2 below which Cauchy's loss is the square
+  if (robust.loss == Loss::kCauchy && s2 > kSmall * width * width) {
     // rho = k^2 log(1 + s^2 / k^2)
-    constexpr double kSeries = 1e-8;  // below, the first term of the series is exact to rounding
-    const double k2 = width * width, q = s2 / k2;
+    const double q = s2 / (width * width);
     const double factor = std::sqrt(std::log1p(q) / q);
-    if (q < kSeries) return {1, -0.25 / k2};
     return {factor, (1 / (s2 * (1 + q)) - std::log1p(q) / (q * s2)) / (2 * factor)};
   }
   return {};
