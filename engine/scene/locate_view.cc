@@ -34,7 +34,6 @@ BundleCamera CameraOf(const CalibratedCamera& camera) {
                     .params = camera.params,
                     .fixed = std::vector<bool>(camera.params.size(), true),
                     .T_camera_rig = {}};
-  made.is_master = true;
   made.noise.common_sigma = camera.fit.common_noise;
   return made;
 }
@@ -47,9 +46,7 @@ Bundle BundleOf(const CalibratedCamera& camera,
   bundle.cameras = {CameraOf(camera)};
   bundle.T_rig_target.resize(1);
   std::map<int, int> index;
-  AddSharedErrors({&view, 1}, &bundle.cameras[0]);
-  for (size_t i = 0; i < view.observations.size(); ++i) {
-    const Observation& seen = view.observations[i];
+  for (const Observation& seen : view.observations) {
     const auto point = points.find(seen.marker);
     if (point == points.end()) continue;
     const auto [entry, is_new] =
@@ -58,7 +55,6 @@ Bundle BundleOf(const CalibratedCamera& camera,
     bundle.observations.push_back(
         {.marker = entry->second,
          .seen = seen,
-         .by_nuisance = view.by_nuisance.empty() ? std::vector<double>() : view.by_nuisance[i],
          .assumed_sigma = seen.detector_sigma > 0 ? seen.detector_sigma : 1});
   }
   std::ranges::stable_sort(bundle.observations, {}, &BundleObservation::marker);
