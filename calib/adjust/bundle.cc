@@ -186,7 +186,6 @@ std::vector<std::array<double, kMaxObservationSize>> Residuals(const Bundle& bun
 std::vector<double> WeightedLengths(const Bundle& bundle) {
   const auto residuals = Residuals(bundle);
   std::vector<double> lengths;
-  lengths.reserve(residuals.size());
   for (size_t i = 0; i < residuals.size(); ++i) {
     const double length = WeightedLength(bundle, bundle.observations[i], residuals[i].data());
     lengths.push_back(std::isnan(length) ? std::numeric_limits<double>::infinity() : length);

@@ -129,7 +129,6 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     }
   }
 
-  // Leaves the bundle as it is if the result is not usable.
   void Solve(AdjustSummary* summary) {
     const StepBounds bounds = BoundsOfStep(layout_, start_);
     for (int i = 0; i < layout_.head; ++i) {
@@ -150,7 +149,6 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
     summary->iterations += static_cast<int>(solved.iterations.size());
     summary->cost = solved.final_cost;
     summary->message = solved.message;
-    if (!summary->usable) x_ = x_start_;
     SetBundle();
   }
 
@@ -353,7 +351,6 @@ class AllUnknowns : public ceres::EvaluationCallback, public ceres::IterationCal
       solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
       solver.dynamic_sparsity = true;
     }
-    solver.num_threads = 1;
     solver.logging_type = ceres::SILENT;
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = options_.cost_tolerance;
