@@ -145,7 +145,6 @@ class SceneCalibration {
         tracks_(TracksOf(input.cameras.inputs)) {}
 
   Calibration Run() {
-    Enter("initial guess");
     ChooseFirstCameras();
     Reconstruct();
     ScaleByDistances();
@@ -319,7 +318,6 @@ class SceneCalibration {
                     [&](const Observation& seen) { return !scene_.points.contains(seen.marker); });
     }
     std::optional<CameraGuess> best;
-    std::string failure;
     for (const bool with_lengths : {false, true}) {
       if (with_lengths && !camera.model->plenoptic) continue;
       try {
@@ -328,7 +326,6 @@ class SceneCalibration {
         if (!best || guess.median_error < best->median_error) best = std::move(guess);
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::kJob) throw;
-        failure = error.what();
       }
     }
     if (!best) {
@@ -390,13 +387,13 @@ class SceneCalibration {
       T_camera_rig_ = GuessRig(cameras_, guesses_);
     };
     guess_all();
+    if (metric_) return;
     // The lengths inside of a plenoptic camera do not quite follow the scale.
     constexpr int kScaleSteps = 3;
-    for (int step = 0; step < kScaleSteps && !metric_; ++step) {
+    for (int step = 0; step < kScaleSteps; ++step) {
       const std::optional<double> factor = ScaleByCameras();
       if (!factor) return;
       Rescale(*factor);
-      metric_ = step + 1 == kScaleSteps;
       guess_all();
     }
   }

@@ -437,7 +437,7 @@ void Triangulate(size_t frame, double largest_residual, SceneState* state) {
     if (!state->has_point[static_cast<size_t>(marker)]) of_marker[marker].push_back(i);
   }
   for (const auto& [marker, observations] : of_marker) {
-    if (observations.size() > 1 && AcceptPoint(observations, largest_residual, state)) continue;
+    if (AcceptPoint(observations, largest_residual, state)) continue;
     std::vector<size_t> with_first = ObservationsInFirstFrame(*state, marker);
     if (with_first.empty() || bundle.observations[with_first[0]].frame == static_cast<int>(frame)) {
       continue;

@@ -143,7 +143,6 @@ class SceneReconstruction {
           "record frames that overlap more, or give a calibrated pair ('from')",
           bundle_.cameras[0].name);
     }
-    bundle_.T_rig_target[views->a] = RigidTransform{};
     bundle_.T_rig_target[views->b] = views->T_b_a;
     state_.has_pose[views->a] = state_.has_pose[views->b] = true;
     FollowFrames({views->b}, &state_);
