@@ -193,6 +193,7 @@ AdjustSummary MinimiseReduced(const AdjustOptions& options, Bundle* bundle) {
   AdjustSummary summary;
   std::optional<ReducedProblem::Linearisation> at = problem.Linearise();
   if (!at) {
+    static_cast<BundleState&>(*bundle) = before;
     summary.message = "an observation lies outside the domain of its camera's model at the start";
     return summary;
   }
