@@ -178,10 +178,10 @@ void AddBounds(Bundle* bundle) {
   bundle->cameras[1].rules[1].lower = 1;
 }
 
-// The second camera's focal lengths are those of the first.
+// The second camera's f_x and c_x are those of the first.
 void Tie(Bundle* bundle) {
   const Bundle before = *bundle;
-  for (size_t k = 0; k < 2; ++k) {
+  for (const size_t k : {0, 2}) {
     BundleCamera& second = bundle->cameras[1];
     second.rules.resize(second.params.size());
     second.rules[k].tied_to = {0, k};
@@ -483,6 +483,11 @@ TEST(BackEnds, AreChosenForAReason) {
   Bundle landmarks = Stereo();
   landmarks.marker_freedom = MarkerFreedom::Landmarks();
   EXPECT_NE(ReasonForAllUnknowns(landmarks).find("landmarks"), std::string::npos);
+  Bundle local = Stereo();
+  CameraModel model = *local.cameras[1].model;
+  model.support_size = 1;
+  local.cameras[1].model = &model;
+  EXPECT_NE(ReasonForAllUnknowns(local).find("few of its camera's"), std::string::npos);
   Bundle poses = Stereo();
   for (BundleCamera& camera : poses.cameras) {
     camera.is_master = true;

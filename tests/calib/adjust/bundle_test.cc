@@ -276,14 +276,17 @@ TEST(Linearise, AgreesWithDifferencesInEveryUnknown) {
   bundle.motion[view].at_zero_shift << -0.02, 0.01, 0.03, 0.1, 0.2, -0.3;
   bundle.motion[view].velocity << 0.3, -0.2, 0.1, 0.5, 0.4, -0.6;
   bundle.jitter.delta[view] << 0.01, 0.02, -0.01, -0.2, 0.1, 0.15;
-  AddNuisance(nuisances::kSharedError, 1, &bundle.cameras[1]);
-  AddNuisance(nuisances::kTimeShift, 1, &bundle.cameras[1]);
-  AddNuisance(nuisances::kSharedError, 1, &bundle.cameras[1]);
+  for (const NuisanceKind* kind : {&nuisances::kSharedError,
+                                   &nuisances::kSharedError,
+                                   &nuisances::kTimeShift,
+                                   &nuisances::kSharedError}) {
+    AddNuisance(*kind, 1, &bundle.cameras[1]);
+  }
   for (BundleObservation& observation : bundle.observations) {
     if (observation.camera != 1 || observation.frame != kFrame || observation.marker % 10 != 0) {
       continue;
     }
-    observation.by_nuisance = {0.3, 0.1, -0.2, 0.4};
+    observation.by_nuisance = {0.3, 0.1, -0.2, 0.4, 0.25, -0.15};
     const auto n = static_cast<Eigen::Index>(bundle.cameras[1].params.size());
     // The bundle after a step of all unknowns: parameters, extrinsics, pose, jitter, marker.
     const auto linearise = [&](const Eigen::VectorXd& step, internal::LinearisedRows rows) {

@@ -79,6 +79,15 @@ TEST(UnknownLayout, NumbersCamerasThenTargetsThenMarkers) {
   EXPECT_EQ(landmarks.total, 22);
 }
 
+TEST(UnknownLayout, CountsTiedParametersOfOneCameraOnce) {
+  Bundle bundle = Session();
+  bundle.cameras[1].rules[1].tied_to = ParamIndex{1, 0};
+  const UnknownLayout layout = MakeLayout(bundle);
+  EXPECT_THAT(layout.params[1], ElementsAre(6, 6, 2, -1, 7, 5, 8));
+  EXPECT_THAT(UnknownsOf(layout, 1),
+              ElementsAre(2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20));
+}
+
 TEST(UnknownLayout, HasThePriorsUnknownsWhereAsked) {
   Bundle bundle = Session();
   bundle.prior.emplace().unknowns = {{.camera = 2, .param = 0}};
@@ -102,6 +111,7 @@ TEST(UnknownLayout, HasValuesAndBoundsOfSteps) {
   Bundle bundle = Session();
   bundle.cameras[0].params[2] = 600;
   bundle.cameras[0].rules.resize(7);
+  bundle.cameras[0].rules[0].upper = bundle.cameras[0].params[0] + 4;
   bundle.cameras[0].rules[2].lower = 590;
   bundle.cameras[0].rules[2].upper = 650;
   bundle.cameras[1].params[2] = 600;
@@ -111,6 +121,7 @@ TEST(UnknownLayout, HasValuesAndBoundsOfSteps) {
   bundle.cameras[1].rules[4].upper = 0.3;
   const UnknownLayout layout = MakeLayout(bundle);
   const Eigen::VectorXd values = Values(layout, bundle);
+  EXPECT_EQ(values[0], bundle.cameras[0].params[0]);
   EXPECT_EQ(values[2], 600);
   EXPECT_EQ(values[6], bundle.cameras[1].params[0]);
   EXPECT_EQ(values[9], bundle.cameras[1].params[6]);
@@ -120,7 +131,8 @@ TEST(UnknownLayout, HasValuesAndBoundsOfSteps) {
   EXPECT_EQ(bounds.upper[2], 20);
   EXPECT_NEAR(bounds.upper[8], 0.2, 1e-15);
   EXPECT_EQ(bounds.lower[8], -kInfinity);
-  EXPECT_EQ(bounds.upper[0], kInfinity);
+  EXPECT_EQ(bounds.upper[0], 4);
+  EXPECT_EQ(bounds.upper[1], kInfinity);
   EXPECT_EQ(bounds.lower.size(), 22);
 }
 
@@ -162,6 +174,7 @@ TEST(UnknownLayout, MovesScalesThatComeFirst) {
   const UnknownLayout layout = MakeLayout(bundle);
   ASSERT_EQ(layout.scales, 0);
   ASSERT_EQ(layout.head, 2);
+  EXPECT_THAT(UnknownsOf(layout, 0), ElementsAre(0, 1));
   const Bundle before = bundle;
   Eigen::VectorXd step = Eigen::VectorXd::Zero(layout.total);
   step.head<2>() << 0.01, -0.02;
@@ -173,6 +186,56 @@ TEST(UnknownLayout, MovesScalesThatComeFirst) {
         Eigen::Vector3d(1.01, 0.98, 1).cwiseProduct(before.markers[m].position);
     EXPECT_LT((bundle.markers[m].position - expected).norm(), 1e-12) << m;
   }
+}
+
+// Nothing is estimated before the extrinsics, or before the pose of a target.
+TEST(UnknownLayout, MovesExtrinsicsAndTargetsThatComeFirst) {
+  Bundle bundle = Session();
+  for (BundleCamera& camera : bundle.cameras) {
+    camera.rules.clear();
+    camera.fixed.assign(7, true);
+  }
+  const Vector6d step = 0.01 * Vector6d::LinSpaced(6, 1, 6);
+  for (const bool of_target : {false, true}) {
+    bundle.cameras[1].is_master = of_target;
+    bundle.targets[1].is_fixed = !of_target;
+    const UnknownLayout layout = MakeLayout(bundle);
+    ASSERT_EQ(layout.head, 6);
+    EXPECT_THAT(UnknownsOf(layout, 1), ElementsAre(0, 1, 2, 3, 4, 5));
+    EXPECT_THAT(UnknownsOf(layout, 0).size(), of_target ? 6 : 0);
+    Bundle moved = bundle;
+    Move(layout, step, &moved);
+    const auto& [before, after] =
+        of_target ? std::pair(bundle.targets[1].T_target_own, moved.targets[1].T_target_own)
+                  : std::pair(bundle.cameras[1].T_camera_rig, moved.cameras[1].T_camera_rig);
+    EXPECT_LT((LocalCoordinates(before, after) - step).norm(), 1e-12);
+  }
+}
+
+TEST(EstimatesLocalModel, WhereItsParametersAreFree) {
+  Bundle bundle = Session();
+  EXPECT_FALSE(EstimatesLocalModel(bundle));
+  CameraModel local = *bundle.cameras[1].model;
+  local.support_size = 1;
+  bundle.cameras[1].model = &local;
+  EXPECT_TRUE(EstimatesLocalModel(bundle));
+  bundle.cameras[1].fixed.assign(7, true);
+  EXPECT_FALSE(EstimatesLocalModel(bundle));
+  bundle.cameras[1].fixed[6] = false;
+  EXPECT_TRUE(EstimatesLocalModel(bundle));
+}
+
+TEST(SetAtBounds, FindsTheBoundsOfTiedParametersAlone) {
+  Bundle bundle = Session();  // the first camera has no rules
+  bundle.cameras[0].params[2] = bundle.cameras[1].params[2] = 640;
+  bundle.cameras[1].rules[2].lower = 640;
+  SetAtBounds(&bundle);
+  EXPECT_THAT(bundle.cameras[0].at_bound,
+              ElementsAre(false, false, true, false, false, false, false));
+  EXPECT_TRUE(bundle.cameras[1].at_bound[2]);
+  bundle.cameras[0].params[2] = bundle.cameras[1].params[2] = 641;
+  SetAtBounds(&bundle);
+  EXPECT_FALSE(bundle.cameras[1].at_bound[2]);
 }
 
 TEST(SetAtBounds, FindsParametersAtABoundButForRounding) {
@@ -303,6 +366,35 @@ TEST(AdjustLandmark, FindsThePointOfItsRays) {
   EXPECT_LT((bundle.markers[12].position - truth).norm(), 1e-3);
   for (int i = 0; i < 3; ++i) AdjustLandmark(seen, &bundle);
   EXPECT_LT((bundle.markers[12].position - truth).norm(), 1e-9);
+  // Where none projects it stays.
+  const Eigen::Vector3d behind = bundle.T_rig_target[0].Inverse() * Eigen::Vector3d(0, 0, -9);
+  bundle.markers[12].position = behind;
+  AdjustLandmark({seen.data(), 1}, &bundle);
+  EXPECT_EQ(bundle.markers[12].position, behind);
+}
+
+// Steps end where one is shorter than a standard error.
+TEST(AdjustLandmark, TakesAnotherStepAfterOneOfASigmaOrMore) {
+  const auto error_with = [](double length) {
+    Bundle bundle = TrueBundle(MakeProblem(8, {.cameras = 2, .frames = 3}));
+    const Eigen::Vector3d truth = bundle.markers[12].position;
+    bundle.markers[12].position += Eigen::Vector3d(0.01, -0.02, 0.015);
+    const std::vector<size_t> seen = ObservationsOfMarkers(bundle)[12];
+    double squares = 0;
+    for (const size_t i : seen) {
+      double residual[kMaxObservationSize];
+      EXPECT_TRUE(Residual(bundle, bundle.observations[i], residual));
+      squares += residual[0] * residual[0] + residual[1] * residual[1];
+    }
+    for (BundleObservation& each : bundle.observations) {
+      each.assumed_sigma = std::sqrt(squares) / length;
+    }
+    AdjustLandmark(seen, &bundle);
+    return (bundle.markers[12].position - truth).norm();
+  };
+  const double one_step = error_with(0.9);
+  EXPECT_GT(one_step, 1e-6);
+  EXPECT_LT(error_with(1.1), 0.1 * one_step);
 }
 
 }  // namespace TEST_FILE

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/adjust/poses.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <cmath>
 
@@ -47,6 +47,74 @@ TEST(AdjustPoses, MovesTheChosenFramesToTheOptimumOfAdjust) {
     // A tenth of the poses' standard errors, 3e-4 rad.
     EXPECT_LT(Distance(some.T_rig_target[f], expected), f % 2 == 0 ? 3e-5 : 1e-15) << f;
   }
+}
+
+// Steps end where one is shorter than a standard error: the sigma of the observations decides.
+TEST(AdjustPoses, TakeAnotherStepAfterOneOfASigmaOrMore) {
+  const Bundle exact = TrueBundle(MakeProblem(4, {.cameras = 2, .frames = 2}));
+  const RigidTransform& truth = exact.T_rig_target[1];
+  Random random(3);
+  Bundle moved = exact;
+  moved.T_rig_target[1] = Retract(truth, SmallMotion(&random));
+  const size_t begin = EndOfFrame(exact.observations, 0), end = exact.observations.size();
+  for (BundleObservation& each : moved.observations) each.assumed_sigma = 1e-3;
+  AdjustPose(begin, end, &moved);
+  EXPECT_LT(Distance(moved.T_rig_target[1], truth), 1e-12);
+  EXPECT_EQ(moved.T_rig_target[0].t, exact.T_rig_target[0].t);
+  const auto error_with = [&](double length) {
+    Bundle bundle = exact;
+    Vector6d delta;
+    delta << 2e-3, -1e-3, 3e-3, 4e-3, -3e-3, 2e-3;
+    bundle.T_rig_target[1] = Retract(truth, delta);
+    // Squares of all residuals are length^2.
+    double squares = 0;
+    for (size_t i = begin; i < end; ++i) {
+      double residual[kMaxObservationSize];
+      EXPECT_TRUE(Residual(bundle, bundle.observations[i], residual));
+      squares += residual[0] * residual[0] + residual[1] * residual[1];
+    }
+    for (BundleObservation& each : bundle.observations) {
+      each.assumed_sigma = std::sqrt(squares) / length;
+    }
+    AdjustPose(begin, end, &bundle);
+    return Distance(bundle.T_rig_target[1], truth);
+  };
+  const double one_step = error_with(0.9);
+  EXPECT_GT(one_step, 1e-7);
+  EXPECT_LT(error_with(1.1), 1e-2 * one_step);
+}
+
+TEST(AdjustPoses, StayWhereNoObservationDeterminesThem) {
+  Bundle bundle = TrueBundle(MakeProblem(4, {.cameras = 1, .frames = 1}));
+  for (BundleObservation& each : bundle.observations) each.used = false;
+  const RigidTransform before = bundle.T_rig_target[0];
+  AdjustPose(0, bundle.observations.size(), &bundle);
+  EXPECT_EQ(bundle.T_rig_target[0].t, before.t);
+  EXPECT_THAT(OwnPoseSteps(bundle), ::testing::IsEmpty());
+}
+
+TEST(PoseInformation, IsThatOfTheDerivativesOfTheResiduals) {
+  const Bundle bundle = TrueBundle(MakeProblem(4, {.cameras = 2, .frames = 2, .noise = kNoise}));
+  const size_t begin = EndOfFrame(bundle.observations, 0), end = bundle.observations.size();
+  const auto residuals = [&](const Vector6d& delta) {
+    Bundle moved = bundle;
+    moved.T_rig_target[1] = Retract(moved.T_rig_target[1], delta);
+    Eigen::VectorXd all(2 * static_cast<Eigen::Index>(end - begin));
+    for (size_t i = begin; i < end; ++i) {
+      double residual[kMaxObservationSize];
+      EXPECT_TRUE(Residual(moved, moved.observations[i], residual));
+      all.segment<2>(2 * static_cast<Eigen::Index>(i - begin)) =
+          Eigen::Vector2d(residual[0], residual[1]) / moved.observations[i].assumed_sigma;
+    }
+    return all;
+  };
+  Eigen::MatrixXd J(2 * static_cast<Eigen::Index>(end - begin), 6);
+  for (int k = 0; k < 6; ++k) {
+    const Vector6d step = 1e-6 * Vector6d::Unit(k);
+    J.col(k) = (residuals(step) - residuals(-step)) / 2e-6;
+  }
+  const Matrix6d expected = J.transpose() * J;
+  EXPECT_LT((PoseInformation(bundle, begin, end) - expected).norm(), 1e-6 * expected.norm());
 }
 
 TEST(OwnPoseSteps, LeadEachViewToItsOwnPose) {

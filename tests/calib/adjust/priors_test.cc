@@ -22,8 +22,8 @@ BundleState Landmarks() {
         {.number = i, .position = random.Direction(), .nominal = Eigen::Vector3d::Zero()});
   }
   bundle.distances = {
-      {.markers_a = {2, 4, 7}, .markers_b = {5}, .length = 0.7, .sigma = 0.01},
       {.markers_a = {2}, .markers_b = {4}, .length = 0.2, .sigma = 0.003, .common_sigma = 0.004},
+      {.markers_a = {2, 4, 7}, .markers_b = {5}, .length = 0.7, .sigma = 0.01},
       {.markers_a = {4, 6}, .markers_b = {7}, .length = 0.1, .sigma = 0.001},
       {.markers_a = {4}, .markers_b = {7}, .length = 0.4, .sigma = 0.006, .common_sigma = 0.008}};
   return bundle;
@@ -36,12 +36,12 @@ TEST(RowsOfDistances, AreTheDistancesOfMeansInStandardErrors) {
   const std::vector<SparseRow> rows = RowsOfDistances(bundle, {}, First, bundle);
   ASSERT_EQ(rows.size(), 3U);
   const auto p = [&](size_t marker) { return bundle.markers[marker].position; };
-  EXPECT_NEAR(rows[0].residual, (((p(2) + p(4) + p(7)) / 3 - p(5)).norm() - 0.7) / 0.01, 1e-9);
+  EXPECT_NEAR(rows[1].residual, (((p(2) + p(4) + p(7)) / 3 - p(5)).norm() - 0.7) / 0.01, 1e-9);
   // chi-square of two that share an error, by the inverse of their covariance.
   const Eigen::Vector2d d((p(2) - p(4)).norm() - 0.2, (p(4) - p(7)).norm() - 0.4);
   Eigen::Matrix2d C;
   C << 0.003 * 0.003 + 0.004 * 0.004, 0.004 * 0.008, 0.004 * 0.008, 0.006 * 0.006 + 0.008 * 0.008;
-  const Eigen::Vector2d of_two(rows[1].residual, rows[2].residual);
+  const Eigen::Vector2d of_two(rows[0].residual, rows[2].residual);
   EXPECT_NEAR(of_two.squaredNorm() / d.dot(C.inverse() * d), 1, 1e-9);
 }
 
@@ -74,6 +74,21 @@ TEST(RowsOfDistances, RefuseEndsAtOnePlace) {
   const std::vector<SparseRow> rows = RowsOfDistances(bundle, {}, First, bundle);
   ASSERT_EQ(rows.size(), 3U);
   EXPECT_FALSE(std::isfinite(rows[2].residual));
+}
+
+// The first marker's unknowns may come first of all.
+TEST(RowsOfDistances, LeadToUnknownsFromTheFirstOn) {
+  BundleState bundle = Landmarks();
+  bundle.distances = {{.markers_a = {0}, .markers_b = {1}, .length = 0.7, .sigma = 0.5}};
+  const std::vector<SparseRow> rows = RowsOfDistances(
+      bundle, {}, [](int marker) { return 3 * marker; }, bundle);
+  ASSERT_EQ(rows.size(), 1u);
+  const Eigen::Vector3d along =
+      (bundle.markers[0].position - bundle.markers[1].position).normalized() / 0.5;
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(rows[0].J.at(i), along[i], 1e-12);
+    EXPECT_NEAR(rows[0].J.at(3 + i), -along[i], 1e-12);
+  }
 }
 
 // Two cameras with priors of parameters, of an earlier calibration and of scales.
@@ -137,6 +152,34 @@ TEST(RowsOfPriors, AreDeviationsInStandardErrorsWithTheirDerivatives) {
   none.prior.reset();
   EXPECT_TRUE(RowsOfCalibrationPrior(none, layout).empty());
   EXPECT_EQ(RowsOfPriors(none, layout).size(), 3u);
+}
+
+// Scales, or a parameter of an earlier calibration, that are the first unknown.
+TEST(RowsOfPriors, LeadToUnknownsFromTheFirstOn) {
+  Bundle bundle = WithPriors();
+  bundle.prior->unknowns = {{.camera = 0, .param = 0, .value = bundle.cameras[0].params[0] - 3}};
+  bundle.prior->weight = Eigen::MatrixXd::Constant(1, 1, 2);
+  const std::vector<SparseRow> rows = RowsOfCalibrationPrior(bundle, MakeLayout(bundle, true));
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].J, (std::map<int, double>{{0, 2}}));
+  EXPECT_NEAR(rows[0].residual, 6, 1e-9);
+  bundle.prior.reset();
+  for (BundleCamera& camera : bundle.cameras) {
+    camera.fixed.assign(camera.params.size(), true);
+    camera.is_master = true;
+  }
+  const std::vector<SparseRow> scales = RowsOfPriors(bundle, MakeLayout(bundle));
+  ASSERT_EQ(scales.size(), 2u);
+  EXPECT_EQ(scales[0].J, (std::map<int, double>{{0, 1 / 0.004}}));
+  EXPECT_EQ(scales[1].J, (std::map<int, double>{{1, 1 / 0.002}}));
+  bundle.distances = {{.markers_a = {3}, .markers_b = {40}, .length = 0.2, .sigma = 0.003}};
+  const UnknownLayout layout = MakeLayout(bundle);
+  const std::vector<SparseRow> distances = RowsOfDistances(bundle, layout);
+  const Eigen::Vector3d apart = bundle.markers[3].position - bundle.markers[40].position;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double by = (bundle.markers[3].nominal - bundle.markers[40].nominal)[axis];
+    EXPECT_NEAR(distances.at(0).J.at(axis), apart.normalized()[axis] * by / 0.003, 1e-9);
+  }
 }
 
 TEST(AddInformation, IsOfTheLowerTriangleBeforeWhatIsLeftOut) {

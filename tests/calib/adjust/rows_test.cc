@@ -146,6 +146,38 @@ TEST_F(MarkerRowsOfOneMarker, AreWhitened) {
   EXPECT_NEAR(rows.Residual().squaredNorm() / chi_square, 1, 1e-9);
 }
 
+// Rows of losses under common noise have the squares that their own covariance gives.
+TEST_F(MarkerRowsOfOneMarker, AreWhitenedAfterTheirLoss) {
+  constexpr double kCommon = 0.15;
+  observations_.front().seen.values[0] += 0.02;
+  MarkerRows rows(camera(), kAll);
+  rows.Load(ViewOf(bundle_, 0, 1), marker_, observations_, {});
+  const Eigen::VectorXd own = rows.Residual();
+  camera().noise.common_sigma = kCommon;
+  for (const RobustLoss& loss : {RobustLoss{Loss::kHuber, kWidth, true},
+                                 RobustLoss{Loss::kHuber, kWidth},
+                                 RobustLoss{Loss::kCauchy, kWidth}}) {
+    ASSERT_TRUE(rows.Load(ViewOf(bundle_, 0, 1), marker_, observations_, loss));
+    Eigen::Vector3d u;
+    Eigen::Matrix<double, 3, 2> r;
+    for (int i = 0; i < 3; ++i) {
+      const double assumed = observations_[static_cast<size_t>(i)].assumed_sigma;
+      const double own_sigma = camera().noise.OwnSigma(assumed);
+      const double s = own.segment<2>(2 * i).norm() * own_sigma / std::hypot(own_sigma, kCommon);
+      const double rho = loss.loss == Loss::kCauchy
+                             ? kWidth * kWidth * std::log1p(s * s / (kWidth * kWidth))
+                         : s <= kWidth    ? s * s
+                         : loss.reweights ? kWidth * s
+                                          : 2 * kWidth * s - kWidth * kWidth;
+      const double factor = std::sqrt(rho) / s;
+      r.row(i) = factor * own.segment<2>(2 * i).transpose();
+      u[i] = (loss.reweights ? factor : 1) / own_sigma;
+    }
+    const Eigen::Matrix3d C = Eigen::Matrix3d::Identity() + kCommon * kCommon * u * u.transpose();
+    EXPECT_NEAR(rows.Residual().squaredNorm() / (r.transpose() * C.inverse() * r).trace(), 1, 1e-9);
+  }
+}
+
 bool ProjectWithoutJacobian(const CameraModel& /*model*/,
                             const double* /*params*/,
                             const double* /*config*/,
@@ -208,6 +240,13 @@ TEST(MarkerRows, ArePreparedForAWholeView) {
     EXPECT_LT((prepared.Pose() - single.Pose()).norm(), 1e-9 * single.Pose().norm());
     EXPECT_LT((prepared.Position() - single.Position()).norm(), 1e-9 * single.Position().norm());
   }
+  // A point that does not project has no rows.
+  std::vector<BundleMarker> markers = bundle.markers;
+  const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::nan(""));
+  markers[static_cast<size_t>(seen[1].marker)].position = nowhere;
+  prepared.Prepare(view, seen, markers);
+  EXPECT_FALSE(prepared.Load(view, nowhere, {&seen[1], 1}, {}));
+  EXPECT_EQ(prepared.Count(), 0);
   // Without derivatives.
   MarkerRows residuals(camera, {});
   residuals.Prepare(view, seen, bundle.markers);

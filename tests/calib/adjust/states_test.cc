@@ -75,6 +75,68 @@ TEST_F(Trajectory, LeavesTheEquationsOfTheOtherUnknowns) {
   EXPECT_LT((S_.row(kCommon).head(kCommon).transpose() - gradient).norm(), 1e-10 * gradient.norm());
 }
 
+// One state with six and with five independent rows, on which one more unknown depends.
+struct OneState {
+  explicit OneState(int rows, bool keep_steps) : states(2, 1, {.keep_steps = keep_steps}) {
+    testing::Random random(5);
+    id = states.Enter();
+    for (int row = 0; row < rows; ++row) {
+      Vector6d J = random.Gaussians<6>(1);
+      if (rows < 6) J[5] = 0;
+      const Eigen::Vector2d other(random.Gaussian(1), random.Gaussian(1));  // and the residual
+      H += J * J.transpose();
+      C += other * J.transpose();
+      states.Information(id, id) += J * J.transpose();
+      states.Cross(id) += other * J.transpose();
+    }
+  }
+  void Leave(double damping) {
+    states.Leave(id, damping, &S);
+    states.Flush(&S);
+  }
+
+  States states;
+  States::Id id = 0;
+  Matrix6d H = Matrix6d::Zero();
+  Eigen::Matrix<double, 2, 6> C = Eigen::Matrix<double, 2, 6>::Zero();
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(2, 2);
+};
+
+TEST(OneState, IsDampedByAPartOfItsDiagonal) {
+  OneState one(9, true);
+  one.Leave(0.5);
+  Matrix6d damped = one.H;
+  damped.diagonal() *= 1.5;
+  const Eigen::Matrix2d expected = -one.C * damped.inverse() * one.C.transpose();
+  EXPECT_NEAR(one.S(0, 0), expected(0, 0), 1e-9);
+  EXPECT_NEAR(one.S(1, 0), expected(1, 0), 1e-9);
+  const Vector6d step = -damped.inverse() * one.C.transpose() * Eigen::Vector2d(0.3, 1);
+  EXPECT_LT((one.states.Steps(Eigen::VectorXd::Constant(1, 0.3), 1)[0] - step).norm(), 1e-9);
+  EXPECT_TRUE(one.states.IsDetermined(one.id));
+}
+
+TEST(OneState, WithoutInformationEnoughChangesNothingOrStepsALittle) {
+  OneState without(5, false);
+  without.Leave(0);
+  EXPECT_EQ(without.S.norm(), 0);
+  EXPECT_FALSE(without.states.IsDetermined(without.id));
+  EXPECT_EQ(without.states.Covariance(without.id, without.id).norm(), 0);
+  OneState kept(5, true);
+  kept.Leave(0);
+  EXPECT_TRUE(kept.states.IsDetermined(kept.id));
+  // Along what the rows determine the step is theirs, along the sixth number none.
+  const Vector6d found = kept.states.Steps(Eigen::VectorXd::Zero(1), 1)[0];
+  Vector6d expected = Vector6d::Zero();
+  expected.head<5>() =
+      -kept.H.topLeftCorner<5, 5>().inverse() * kept.C.row(1).head<5>().transpose();
+  EXPECT_LT((found - expected).norm(), 1e-3 * expected.norm());
+  EXPECT_GT((found - expected).norm(), 1e-9 * expected.norm());
+  OneState none(0, true);
+  none.Leave(0);
+  EXPECT_FALSE(none.states.IsDetermined(none.id));
+  EXPECT_EQ(none.states.Steps(Eigen::VectorXd::Ones(1), 1)[0].norm(), 0);
+}
+
 TEST_F(Trajectory, HasRowsOfWhatTheEliminationTakesAway) {
   const Eigen::Index states = 6 * kStates;
   const Eigen::MatrixXd W = states_.RowsOfColumns(1, 3);
