@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "engine/scene/scene_tracks.h"
@@ -80,6 +81,66 @@ TEST(AlternativePoses, OfFewOrRandomPointsAreChance) {
   EXPECT_FALSE(Frames(60, 0, 20, 1).Find({0}));
   EXPECT_FALSE(Frames(60, 4, 0, 1).Find({0}));
   EXPECT_FALSE(Frames(60, 18, 0, 1).Find({}));
+}
+
+// The more frames are searched, the more landmarks have to agree on another pose (Chernoff's bound
+// of the tail of Poisson's distribution).
+TEST(AlternativePoses, AreChanceInMoreFramesThanTheirLandmarksAllow) {
+  constexpr int kMoved = 8;
+  constexpr double kLimit = 1.5;
+  Frames frames(40, kMoved, 0, 1);
+  double expected = 0;
+  for (const BundleObservation& seen : frames.bundle.observations) {
+    const double length = ResidualLength(frames.bundle, seen);
+    if (length > kLimit) expected += std::asin(kLimit / length) / std::numbers::pi;
+  }
+  constexpr double kCount = kMoved - 3;  // three determine the pose
+  const double tail = std::exp(kCount - expected) * std::pow(expected / kCount, kCount);
+  const double most = 1e-3 / (4000 * tail);
+  const auto finds = [&](double count) {
+    const std::vector<size_t> searched(static_cast<size_t>(count), 0);
+    return FindAlternativePose(frames.state, searched, kLimit).has_value();
+  };
+  ASSERT_GT(most, 1);
+  ASSERT_LT(most, 20) << most;
+  EXPECT_TRUE(finds(std::floor(most)));
+  EXPECT_FALSE(finds(std::floor(most) + 1));
+}
+
+// Landmarks that agree in one frame and contradict in another agree by chance with any pose.
+TEST(AlternativePoses, OfPointsThatAgreeInAnotherFrameAreChance) {
+  Frames frames(60, 4, 0, 2);
+  for (BundleObservation& seen : frames.bundle.observations) {
+    if (seen.frame == 1 && seen.marker >= 10 && seen.marker < 16) {
+      seen.seen.values[0] += 50.0 * (seen.marker - 12);
+      seen.seen.values[1] += 70;
+    }
+  }
+  EXPECT_FALSE(frames.Find({0, 1}));
+}
+
+TEST(AlternativePoses, HaveDistanceAndAngleOfTheFrameWhereMostAgree) {
+  Frames frames(60, 18, 0, 2);
+  // In the second frame fewer points are seen, from elsewhere.
+  const RigidTransform elsewhere{ExpRotation({0, 0, 0.2}) * kPose.R, kPose.t};
+  std::erase_if(frames.bundle.observations,
+                [](const BundleObservation& seen) { return seen.frame == 1 && seen.marker < 4; });
+  for (BundleObservation& seen : frames.bundle.observations) {
+    if (seen.frame != 1 || seen.marker >= 18) continue;
+    const Eigen::Vector3d q =
+        elsewhere * frames.bundle.markers[static_cast<size_t>(seen.marker)].position;
+    seen.seen.values = {400 + 500 * q.x() / q.z(), 300 + 500 * q.y() / q.z()};
+  }
+  frames.state = MakeSceneState(&frames.bundle);
+  frames.state.has_pose.assign(2, true);
+  frames.state.has_point.assign(60, true);
+  for (const std::vector<size_t>& order : {std::vector<size_t>{0, 1}, {1, 0}}) {
+    const auto found = frames.Find(order);
+    ASSERT_TRUE(found);
+    EXPECT_NEAR(found->distance, 0.5, 0.01);
+    EXPECT_NEAR(found->angle, 0.1, 2e-3);
+    EXPECT_EQ(found->contradicting, 18U);
+  }
 }
 
 TEST(AlternativePoses, PointsWithoutAPositionHaveNoVote) {

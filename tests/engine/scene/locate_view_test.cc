@@ -8,7 +8,9 @@
 #include <gmock/gmock.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "engine/scene/track/feature_tracker.h"
@@ -122,6 +124,74 @@ TEST(LocateView, CovarianceIsThatOfNoiseAndParameters) {
   const Eigen::MatrixXd gain = (J.transpose() * J).ldlt().solve(J.transpose() * by_params);
   const Matrix6d expected = by_noise + gain * camera.covariance * gain.transpose();
   EXPECT_LT((uncertain->covariance - expected).norm(), 0.02 * expected.norm());
+}
+
+TEST(LocateView, ParametersThatAreNotDeterminedCountAsExact) {
+  const Before seen = Seen(25);
+  CalibratedCamera camera = Camera();
+  const auto exact = LocateView(camera, seen.view, seen.points, Numbering::kByMarker);
+  camera.covariance(2, 2) = std::numeric_limits<double>::infinity();
+  const auto found = LocateView(camera, seen.view, seen.points, Numbering::kByMarker);
+  ASSERT_TRUE(exact && found);
+  EXPECT_EQ(found->covariance, exact->covariance);
+}
+
+// Each point is measured four times, with an error of its own and one in common.
+TEST(LocateView, NoiseThatMeasurementsOfAPointShareDoesNotAverageOut) {
+  constexpr int kPoints = 40, kTimes = 4;
+  constexpr double kCommon = 0.1;
+  Random random(9);
+  Before seen = Seen(kPoints);
+  const std::vector<Observation> single = seen.view.observations;
+  seen.view.observations.clear();
+  for (const Observation& each : single) {
+    Observation common = each;
+    const Eigen::Vector2d u = ImageOf(Camera(), kMapCamera, seen.points.at(each.marker));
+    for (Eigen::Index k = 0; k < 2; ++k) {
+      common.values[static_cast<size_t>(k)] = u[k] + random.Gaussian(kCommon);
+    }
+    seen.view.observations.insert(seen.view.observations.end(), kTimes, common);
+  }
+  for (Observation& each : seen.view.observations) {
+    for (size_t k = 0; k < 2; ++k) each.values[k] += random.Gaussian(kSigma);
+  }
+  // In any order.
+  std::ranges::stable_sort(
+      seen.view.observations, {}, [](const Observation& each) { return each.values[0]; });
+  CalibratedCamera camera = Camera();
+  const auto covariance = [&] {
+    const auto found = LocateView(camera, seen.view, seen.points, Numbering::kByMarker);
+    EXPECT_TRUE(found);
+    EXPECT_EQ(found->used, static_cast<size_t>(kPoints));
+    EXPECT_EQ(found->points, static_cast<size_t>(kPoints));
+    return found->covariance;
+  };
+  const Matrix6d independent = covariance();
+  camera.fit.common_noise = kCommon;
+  // The noise of all is the same; of four measurements (0.2^2 + 0.1^2) / 4 against
+  // 0.2^2 / 4 + 0.1^2.
+  constexpr double kRatio =
+      (kSigma * kSigma + kTimes * kCommon * kCommon) / (kSigma * kSigma + kCommon * kCommon);
+  EXPECT_NEAR(covariance().trace() / independent.trace(), kRatio, 0.1);
+}
+
+// Those with a tenth of the sigma have a hundred times the weight.
+TEST(LocateView, DetectorsSigmasAreWeights) {
+  Before seen = Seen(40);
+  for (size_t k = 0; k < 40; ++k) {
+    Observation& each = seen.view.observations[k];
+    const Eigen::Vector2d u = ImageOf(Camera(), kMapCamera, seen.points.at(each.marker));
+    each.values = {u.x() + (k % 2 == 0 ? 0 : 0.5), u.y()};
+    each.detector_sigma = k % 2 == 0 ? 0.05 : 0.5;
+  }
+  const auto error = [&] {
+    const auto found = LocateView(Camera(), seen.view, seen.points, Numbering::kByMarker);
+    EXPECT_TRUE(found);
+    return ErrorOf(found->T_map_camera);
+  };
+  const double weighted = error();
+  for (Observation& each : seen.view.observations) each.detector_sigma = 0;
+  EXPECT_LT(weighted, 0.05 * error());
 }
 
 TEST(LocateView, PointsThatDisagreeAreLeftOut) {

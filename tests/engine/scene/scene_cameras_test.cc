@@ -138,6 +138,20 @@ TEST(SceneCameras, OfUnknownFocalLengthTakeTheOneThatFits) {
   made.ExpectShape(found, 0.02);
 }
 
+// The first ordinary one starts alone, wherever it stands.
+TEST(SceneCameras, StartWithAnOrdinaryOneWhereThereIsOne) {
+  MadeScene made;
+  made.Add("focused-plenoptic", {}, kPlenoptic, true, {});
+  made.Add("pinhole", kRight, kPinhole, true, {});
+  for (CameraInput& camera : made.input.cameras.inputs) camera.views.resize(2);
+  EXPECT_THAT(Refusal([&] { CalibrateScene(made.input, {}); }),
+              ::testing::StartsWith("job: c2: poses for 2 of 2 frames only"));
+  made.input.cameras.inputs.pop_back();
+  made.input.cameras.T_camera_rig.pop_back();
+  EXPECT_THAT(Refusal([&] { CalibrateScene(made.input, {}); }),
+              ::testing::StartsWith("job: c1: poses for 2 of 2 frames only"));
+}
+
 TEST(SceneCameras, HaveTheRulesOfTheirParameters) {
   MadeScene made;
   made.Add("pinhole", {}, kPinhole, true, RigidTransform{});
@@ -189,7 +203,9 @@ TEST(SceneCameras, AfterAnUnknownOneOfAKnownPairAreInTheRigsFrame) {
   MadeScene made;
   made.Add("pinhole", {}, kPinhole, true, {});
   made.Add("pinhole", kRight, kPinhole, true, kRight);
-  made.Add("pinhole", kThird, kPinhole, true, kThird);
+  // A rule of the whole session, which the pair's start does not follow.
+  made.Add("pinhole", kThird, kPinhole, true, kThird).rules.resize(4);
+  made.input.cameras.inputs[2].rules[1].tied_to = ParamIndex{2, 0};
   const Calibration found = made.Calibrate(14);
   EXPECT_NEAR(made.Scale(found), 1, 1e-2);
   EXPECT_LT((found.bundle.cameras[2].T_camera_rig.t - kThird.t).norm(), 1e-12);

@@ -167,9 +167,11 @@ TEST(SceneDistances, OfPointsWithoutAPositionAreRefused) {
 }
 
 TEST(SceneDistances, NeedThreeFramesAndObservations) {
+  SceneCalibrationInput three = Input(3);
+  three.cameras.inputs[0].views[2].observations.resize(7);
   EXPECT_EQ(
-      Refusal([] { CalibrateScene(Input(2), {}); }),
-      "job: left: poses for 2 of 2 frames only; record frames that overlap more, or give better "
+      Refusal([&] { CalibrateScene(three, {}); }),
+      "job: left: poses for 2 of 3 frames only; record frames that overlap more, or give better "
       "start values ('initial', 'from')");
   SceneCalibrationInput input = Input();
   input.cameras.inputs[0].views.clear();
@@ -185,6 +187,20 @@ TEST(SceneDistances, NeedThreeFramesAndObservations) {
   }
 }
 
+// An earlier calibration holds a focal length.
+TEST(SceneDistances, LeaveThePriorsOfParameters) {
+  SceneCalibrationInput input = Input();
+  input.cameras.inputs[0].fixed[0] = false;
+  CalibrationPrior prior;
+  prior.unknowns = {{.camera = 0, .param = 0, .value = kFocal + 5}};
+  prior.T_camera_rig = {{}};
+  prior.weight = Eigen::MatrixXd::Constant(1, 1, 1e3);
+  input.cameras.prior = prior;
+  const Calibration found = CalibrateScene(input, {});
+  EXPECT_NEAR(found.bundle.cameras[0].params[0], kFocal + 5, 0.1);
+  EXPECT_NEAR(found.uncertainty.param_std_errors[0][0], 1e-3, 1e-4);
+}
+
 TEST(SceneDistances, FramesOfTooFewPointsAreLeftOut) {
   SceneCalibrationInput input = Input(5);
   input.cameras.inputs[0].views[2].observations.resize(7);  // of eight
@@ -196,6 +212,7 @@ TEST(SceneDistances, FramesOfTooFewPointsAreLeftOut) {
   EXPECT_EQ(found.left_out[0].frame, "102");
   EXPECT_TRUE(found.left_out[0].whole);
   EXPECT_EQ(found.bundle.T_rig_target.size(), 4U);
+  EXPECT_EQ(found.bundle.observations.size(), 4U * (kPoints + 4));
   EXPECT_TRUE(found.bundle.scale_distance);
   EXPECT_EQ(CodesOf(found).front(), "scene_no_scale");
   // Shapes are right but for the scale.

@@ -89,6 +89,8 @@ TEST(SceneFindings, AGoodSceneHasNone) {
 
 TEST(SceneFindings, PointsOfOneDepthAreNamedBelowARatioOf1Point3) {
   EXPECT_THAT(Codes(Seen({Pinhole("left")}, 20, 1, {2, 2.2, 2.602})), IsEmpty());
+  EXPECT_THAT(Codes(Seen({Pinhole("left")}, 20, 1, {0.2, 0.22})), ElementsAre("scene_one_depth"));
+  EXPECT_THAT(Codes(Seen({Pinhole("left")}, 20, 1, {-0.2, 0.22})), IsEmpty());
   Calibration calibration = Seen({Pinhole("left")}, 20, 1, {2, 2.2, 2.598});
   const auto with_focal = [&](double sigma_x, double sigma_y) {
     calibration.uncertainty.param_std_errors[0] = {sigma_x, sigma_y, 100, 100};
@@ -119,6 +121,17 @@ TEST(SceneFindings, PointsOfOneDepthAreNamedBelowARatioOf1Point3) {
   // Fixed focal lengths have no error.
   calibration.bundle.cameras[0].fixed = {true, false, false, false};
   EXPECT_EQ(with_focal(kInfinite, 0.1).grade, Grade::kGood);
+}
+
+// Two percent of the points at either end are no depth of the scene.
+TEST(SceneFindings, DepthsLeaveOutFewPoints) {
+  for (const double outside : {1.0, 9.0}) {
+    for (const size_t count : {1U, 6U}) {
+      std::vector<double> depths(200, 2);
+      for (size_t k = 0; k < count; ++k) depths[k] = outside;
+      EXPECT_EQ(Codes(Seen({Pinhole("left")}, 20, 1, depths)).size(), count == 1 ? 1U : 0U);
+    }
+  }
 }
 
 TEST(SceneFindings, OnlyUsedObservationsOfTheCameraHaveDepths) {
@@ -170,6 +183,18 @@ TEST(SceneFindings, APathHasToMoveByAFiftiethOfTheDistance) {
   EXPECT_EQ(found[0].grade, Grade::kBad);
   EXPECT_EQ(found[0].what,
             "left: the camera hardly moved (0.04 m at points 2 m away): f_x known to 12 %.");
+}
+
+// The two frames that are farthest apart need not be the first ones.
+TEST(SceneFindings, APathExtendsBetweenAnyTwoFrames) {
+  Calibration calibration = Seen({Pinhole("left")}, 7, 0.025, {1, 2, 3});
+  Bundle& bundle = calibration.bundle;
+  const Eigen::Matrix3d R = ExpRotation({0, 0, -7 * kDegree});
+  bundle.T_rig_target.push_back({R, R * Eigen::Vector3d(0, 0.025, 0)});
+  for (int m = 0; m < 3; ++m) {
+    bundle.observations.push_back({.frame = 2, .marker = m, .seen = {}});
+  }
+  EXPECT_THAT(Codes(calibration), IsEmpty());
 }
 
 TEST(SceneFindings, FramesWithoutUsedObservationsAreNotPartOfThePath) {

@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
+#include "calib/adjust/poses.h"
 #include "calib/camera/rays.h"
 #include "calib/space/point_fit.h"
 #include "engine/scene/scene_start.h"
@@ -209,41 +211,148 @@ TEST(ScenePoses, WithALimitAreThoseOfTheMostThatAgree) {
   EXPECT_FALSE(Search(40, 25, 2.0, 16));
 }
 
+// By all that agree, not by three: at the optimum of all residuals.
+TEST(ScenePoses, AreRefinedByAllThatAgree) {
+  Bundle bundle = Exact(Cloud(40), {kMoved});
+  Random random(9);
+  for (BundleObservation& seen : bundle.observations) {
+    for (size_t k = 0; k < 2; ++k) seen.seen.values[k] += random.Gaussian(0.5);
+  }
+  Bundle best = bundle;
+  for (int k = 0; k < 5; ++k) AdjustPose(0, best.observations.size(), &best);
+  const RigidTransform& optimum = best.T_rig_target[0];
+  bundle.T_rig_target[0] = {};
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(40, true);
+  for (const std::optional<double> limit : {std::optional<double>(), std::optional(4.0)}) {
+    const std::optional<PoseSearch> found = FindPose(state, 0, limit);
+    ASSERT_TRUE(found);
+    // Within a standard error: of 80 residuals one may be taken for an outlier.
+    EXPECT_LT((found->T_rig_target.t - optimum.t).norm(), 8e-4);
+    EXPECT_LT(LogRotation(found->T_rig_target.R * optimum.R.transpose()).norm(), 4e-4);
+    EXPECT_EQ(found->inliers, 40U);
+    if (!limit) {
+      EXPECT_NEAR(found->sigma, 0.5, 0.1);
+    }
+  }
+}
+
+TEST(ScenePoses, AgreeWithPointsInAllOfTheirObservations) {
+  Bundle bundle = Exact(Cloud(20), {kMoved});
+  AddNoise(&bundle);
+  for (BundleObservation& seen : bundle.observations) {
+    if (seen.camera == static_cast<int>(seen.marker % 2) && seen.marker < 5) {
+      seen.seen.values[0] += 40;
+    }
+  }
+  SceneState state = MakeSceneState(&bundle);
+  state.has_point.assign(20, true);
+  const std::optional<PoseSearch> found = FindPose(state, 0, 1.0);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->inliers, 15U);
+  EXPECT_EQ(found->candidates, 20U);
+}
+
+// Beyond 76 degrees from the axis a direction starts no pose.
+TEST(ScenePoses, StartFromDirectionsBeforeTheCamera) {
+  for (const double angle : {75.5, 76.5}) {
+    Bundle bundle;
+    BundleCamera& camera = bundle.cameras.emplace_back();
+    camera.model = FindModel(CameraModels(), "equidistant");
+    ASSERT_NE(camera.model, nullptr);
+    camera.params.assign(camera.model->params.size(), 0);
+    camera.params[0] = camera.params[1] = 200;
+    camera.params[2] = camera.params[3] = 500;
+    camera.fixed.assign(camera.params.size(), true);
+    bundle.T_rig_target.resize(1);
+    Random random(3);
+    for (int m = 0; m < 8; ++m) {
+      const double theta = (m == 0 ? angle : random.Uniform(10, 60)) * std::numbers::pi / 180;
+      const double around = random.Uniform(0, 6);
+      const Eigen::Vector3d p =
+          random.Uniform(2, 4) * Eigen::Vector3d(std::sin(theta) * std::cos(around),
+                                                 std::sin(theta) * std::sin(around),
+                                                 std::cos(theta));
+      bundle.markers.push_back({.number = m, .position = p, .nominal = p});
+      double u[kMaxObservationSize] = {};
+      const double values[kMaxObservationSize] = {};
+      ASSERT_TRUE(Project(camera, values, p, u));
+      BundleObservation seen{.marker = m, .seen = {}};
+      seen.seen.values = {u[0] + random.Gaussian(0.01), u[1] + random.Gaussian(0.01)};
+      bundle.observations.push_back(seen);
+    }
+    SceneState state = MakeSceneState(&bundle);
+    state.has_point.assign(8, true);
+    EXPECT_EQ(FindPose(state, 0).has_value(), angle < 76) << angle;
+  }
+}
+
+// Frame 1 shows ten known points, five in each camera, and others that frame 2 places.
+TEST(ScenePoses, ThatWereNotFoundAreTriedAgainAfterOthers) {
+  const std::vector<Eigen::Vector3d> points = Cloud(50);
+  const RigidTransform step{ExpRotation({0, 0, 0.02}), {0.05, 0, 0}};
+  for (const bool places : {true, false}) {
+    Bundle bundle = Exact(points, {{}, kMoved, step});
+    AddNoise(&bundle);
+    std::erase_if(bundle.observations, [&](const BundleObservation& seen) {
+      if (seen.frame == 0) return seen.marker >= 19;
+      if (seen.frame == 2) return seen.marker < 10;
+      if (seen.marker < 10) return seen.camera != static_cast<int>(seen.marker % 2);
+      return seen.marker < 19 || !places;
+    });
+    bundle.T_rig_target.assign(3, {});
+    SceneState state = MakeSceneState(&bundle);
+    state.has_pose[0] = true;
+    for (size_t m = 0; m < 19; ++m) state.has_point[m] = true;
+    std::vector<size_t> counts;
+    EXPECT_EQ(FollowByOverlap([&](size_t count) { counts.push_back(count); }, &state),
+              places ? 3U : 2U);
+    EXPECT_EQ(counts, places ? (std::vector<size_t>{2, 3}) : std::vector<size_t>{2});
+    EXPECT_THAT(state.has_pose, ElementsAre(true, places, true));
+    if (places) {
+      EXPECT_LT((bundle.T_rig_target[1].t - kMoved.t).norm(), 1e-3);
+    }
+  }
+}
+
 TEST(ScenePoses, FollowTheFrameWithMostKnownPointsFirst) {
-  // Frame 0 shows points 0 to 19; frame 1 shows 12 to 31, frame 2 shows 4 to 23; frame 3 shows
-  // seven of the first.
+  // Frame 0 shows points 0 to 19; of frames 1 and 2 one shows 12 to 31, the other 4 to 23; frame 3
+  // shows seven of the first.
   const std::vector<Eigen::Vector3d> points = Cloud(32);
   const RigidTransform step{ExpRotation({0, 0, 0.02}), {0.05, 0, 0}};
   const std::vector<RigidTransform> poses{{}, step, step * step, kMoved};
-  Bundle bundle = Exact(points, poses);
-  AddNoise(&bundle);
-  const int first[] = {0, 12, 4, 0}, last[] = {19, 31, 23, 6};
-  std::erase_if(bundle.observations, [&](const BundleObservation& seen) {
-    return seen.marker < first[seen.frame] || seen.marker > last[seen.frame];
-  });
-  bundle.T_rig_target.assign(4, {});
-  SceneState state = MakeSceneState(&bundle);
-  state.has_pose[0] = true;
-  for (size_t m = 0; m < 20; ++m) state.has_point[m] = true;
-  std::vector<size_t> counts;
-  std::vector<bool> after_first;
-  const size_t posed = FollowByOverlap(
-      [&](size_t count) {
-        counts.push_back(count);
-        if (counts.size() == 1) after_first = state.has_pose;
-      },
-      &state);
-  EXPECT_EQ(posed, 3U);
-  EXPECT_THAT(counts, ElementsAre(2, 3));
-  EXPECT_THAT(after_first, ElementsAre(true, false, true, false));
-  EXPECT_THAT(state.has_pose, ElementsAre(true, true, true, false));
-  EXPECT_LT((bundle.T_rig_target[1].t - poses[1].t).norm(), 1e-3);
-  KeepStarted(state, &bundle);
-  for (const BundleObservation& seen : bundle.observations) {
-    EXPECT_NE(seen.frame, 3);
-    EXPECT_TRUE(state.has_point[static_cast<size_t>(seen.marker)]);
+  for (const size_t most : {1U, 2U}) {
+    Bundle bundle = Exact(points, poses);
+    AddNoise(&bundle);
+    std::erase_if(bundle.observations, [&](const BundleObservation& seen) {
+      const int first[] = {0, most == 1 ? 4 : 12, most == 2 ? 4 : 12, 0};
+      const int last[] = {19, most == 1 ? 23 : 31, most == 2 ? 23 : 31, 6};
+      return seen.marker < first[seen.frame] || seen.marker > last[seen.frame];
+    });
+    bundle.T_rig_target.assign(4, {});
+    SceneState state = MakeSceneState(&bundle);
+    state.has_pose[0] = true;
+    for (size_t m = 0; m < 20; ++m) state.has_point[m] = true;
+    std::vector<size_t> counts;
+    std::vector<bool> after_first;
+    const size_t posed = FollowByOverlap(
+        [&](size_t count) {
+          counts.push_back(count);
+          if (counts.size() == 1) after_first = state.has_pose;
+        },
+        &state);
+    EXPECT_EQ(posed, 3U);
+    EXPECT_THAT(counts, ElementsAre(2, 3));
+    EXPECT_THAT(after_first, ElementsAre(true, most == 1, most == 2, false));
+    EXPECT_THAT(state.has_pose, ElementsAre(true, true, true, false));
+    EXPECT_LT((bundle.T_rig_target[1].t - poses[1].t).norm(), 1e-3);
+    KeepStarted(state, &bundle);
+    for (const BundleObservation& seen : bundle.observations) {
+      EXPECT_NE(seen.frame, 3);
+      EXPECT_TRUE(state.has_point[static_cast<size_t>(seen.marker)]);
+    }
+    EXPECT_GE(bundle.observations.size(), 100U);
   }
-  EXPECT_GE(bundle.observations.size(), 100U);
 }
 
 TEST(ScenePoses, LimitTheResidualsOfPointsByTheirSigma) {
@@ -363,6 +472,9 @@ TEST(SceneScaleOwn, IsThatOfThePlacesWhereRaysOfSingleViewsMeet) {
   bundle.markers[1].position *= 10;
   EXPECT_NEAR(ScaleByOwnDistances(state).value(), 0.1 / kFactor, 1e-7);
   state.has_point = {false, false, true};
+  EXPECT_NEAR(ScaleByOwnDistances(state).value(), 0.1 / kFactor, 1e-7);
+  // Two rays suffice.
+  bundle.observations.resize(10);
   EXPECT_NEAR(ScaleByOwnDistances(state).value(), 0.1 / kFactor, 1e-7);
   bundle.markers[2].position.z() *= -1;
   EXPECT_FALSE(ScaleByOwnDistances(state));

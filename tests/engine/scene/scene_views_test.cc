@@ -90,9 +90,18 @@ TEST(SceneViews, OfOneCameraHaveNoScale) {
 
 TEST(SceneViews, OfAPairHaveItsScale) {
   const std::vector<BundleCamera> cameras{Camera("left", 0), Camera("right", 0.4)};
-  const ReconstructedScene scene = ReconstructScene(Tracks(cameras, 30, 2), cameras, {});
+  SceneTracks tracks = Tracks(cameras, 30, 2);
+  for (std::vector<View>& views : tracks.views) {
+    for (View& view : views) {
+      for (Observation& seen : view.observations) seen.detector_sigma = 10 * kNoise;
+    }
+  }
+  const ReconstructedScene scene = ReconstructScene(tracks, cameras, {});
   EXPECT_EQ(scene.frames, 2U);
   ExpectPath(scene, 1);
+  // In pixels, whatever the detector states.
+  EXPECT_GT(scene.median_residual, 0.6 * kNoise);
+  EXPECT_LT(scene.median_residual, 1.5 * kNoise);
 }
 
 TEST(SceneViews, NeedTwentyPointsInCommon) {
@@ -139,6 +148,36 @@ TEST(SceneViews, StartWithTheFramesThatAreFarthestApart) {
       EXPECT_NEAR(LogRotation(turn.R).y(), places[f].turn - places[first].turn, 0.01);
     }
   }
+}
+
+// Two more frames show points that no other does, without a motion between them.
+TEST(SceneViews, MeasureResidualsOfFramesWithAPose) {
+  const std::vector<BundleCamera> cameras{Camera("left", 0)};
+  SceneTracks tracks = Tracks(cameras, 30, 3);
+  View still = tracks.views[0][0];
+  for (Observation& seen : still.observations) seen.marker += 1000;
+  for (const char* frame : {"x", "y"}) {
+    tracks.frames.emplace_back(frame);
+    still.frame = frame;
+    tracks.views[0].push_back(still);
+  }
+  const ReconstructedScene scene = ReconstructScene(tracks, cameras, {});
+  EXPECT_EQ(scene.frames, 3U);
+  EXPECT_FALSE(scene.T_rig_target[3]);
+  EXPECT_LT(scene.points.rbegin()->first, 1000);
+  EXPECT_LT(scene.median_residual, 1.5 * kNoise);
+}
+
+TEST(SceneViews, KeepToAPrior) {
+  std::vector<BundleCamera> cameras{Camera("left", 0)};
+  const SceneTracks tracks = Tracks(cameras, 30, 3);
+  cameras[0].fixed[0] = false;
+  CalibrationPrior prior;
+  prior.unknowns = {{.camera = 0, .param = 0, .value = kFocal + 4}};
+  prior.T_camera_rig = {{}};
+  prior.weight = Eigen::MatrixXd::Constant(1, 1, 1e3);
+  const ReconstructedScene scene = ReconstructScene(tracks, cameras, prior);
+  EXPECT_NEAR(scene.cameras[0].params[0], kFocal + 4, 0.1);
 }
 
 TEST(SceneViews, ImproveAFocalLengthOnTheWay) {

@@ -232,6 +232,36 @@ TEST_F(Tracks, AreFoundOnceAndKeepTheirImage) {
   }
 }
 
+// A fit has the noise of two images, half of it for each; the first image has the mean of all fits.
+TEST_F(Tracks, ShareTheNoiseOfFitsBetweenTwoImages) {
+  FeatureTracker tracker = Tracker({.wanted = 30, .threads = 1});
+  tracker.AddFrame("a", {Window(100)});
+  std::map<std::string, std::map<int, double>> fits;
+  for (const auto& [frame, noise] : {std::pair("b", 4), std::pair("c", 12)}) {
+    cv::Mat errors(120, 240, CV_16S), sum;
+    cv::RNG(5).fill(errors, cv::RNG::NORMAL, 0, noise);
+    cv::add(Window(100), errors, sum, cv::noArray(), CV_8U);
+    tracker.AddFrame(frame, {sum});
+    for (const FeatureTracker::Followed& each : tracker.FollowedNow()) {
+      fits[frame][each.number] = each.now.sigma;
+    }
+  }
+  ASSERT_GT(fits["c"].size(), 10U);
+  const std::vector<View> views = tracker.Views()[0];
+  ASSERT_THAT(views, SizeIs(3));
+  for (const View& view : views) {
+    for (const Observation& seen : view.observations) {
+      if (!fits["c"].contains(seen.marker)) continue;
+      const double b = fits["b"].at(seen.marker), c = fits["c"].at(seen.marker);
+      EXPECT_GT(c, b);
+      const double sigma = view.frame == "a"   ? std::sqrt((b * b + c * c) / 4)
+                           : view.frame == "b" ? b / std::sqrt(2)
+                                               : c / std::sqrt(2);
+      EXPECT_NEAR(seen.detector_sigma, sigma, 1e-9) << view.frame;
+    }
+  }
+}
+
 TEST_F(Tracks, AreRefilledWhenTooFewAreLeft) {
   FeatureTracker tracker = Tracker({.wanted = 30, .threads = 1});
   tracker.AddFrame("0", {Window(0)});

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "engine/scene/locate_view.h"
 #include "engine/scene/track/follow_points.h"
 #include "models/registry.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
@@ -45,7 +46,7 @@ class PlenopticPoints : public ::testing::Test {
     again_ += noise;
   }
 
-  FollowedPoints Follow() {
+  FollowedPoints Follow(const std::vector<size_t>& frames) {
     const cv::Mat focused = FocusedImage(raw_, optics_, 1);
     RigImages images{.cameras = &cameras_,
                      .optics = {{1, optics_}},
@@ -59,11 +60,10 @@ class PlenopticPoints : public ::testing::Test {
                        return frame == 0 ? raw_ : again_;
                      },
                      .threads = 1};
-    return FollowPoints(images,
-                        {0, 1, 2, 3},
-                        {.wanted = 120, .calibrated = false},
-                        30,
-                        [&](size_t done, size_t total) { done_.emplace_back(done, total); });
+    return FollowPoints(
+        images, frames, {.wanted = 120, .calibrated = false}, 30, [&](size_t done, size_t total) {
+          done_.emplace_back(done, total);
+        });
   }
 
   PlenopticScene scene_;
@@ -74,7 +74,7 @@ class PlenopticPoints : public ::testing::Test {
 };
 
 TEST_F(PlenopticPoints, AreMeasuredInMicroImagesAndLookLikeThoseOfTheOrdinaryCamera) {
-  const FollowedPoints found = Follow();
+  const FollowedPoints found = Follow({0, 1, 2, 3});
   ASSERT_THAT(done_, SizeIs(8));
   for (size_t k = 0; k < 8; ++k) EXPECT_EQ(done_[k], std::pair(k, size_t{8}));
   ASSERT_THAT(found.left_out, SizeIs(2));
@@ -132,6 +132,67 @@ TEST_F(PlenopticPoints, AreMeasuredInMicroImagesAndLookLikeThoseOfTheOrdinaryCam
   }
   EXPECT_GT(same, 5U);
   EXPECT_GE(10 * same, 8 * both);
+}
+
+TEST_F(PlenopticPoints, LookAlikeInAnyFrame) {
+  const FollowedPoints found = Follow({2, 0, 1});  // the first cannot be read
+  EXPECT_GT(found.alike.size(), 15U);
+  EXPECT_THAT(done_, SizeIs(6));
+  EXPECT_EQ(done_.back(), std::pair(size_t{5}, size_t{6}));
+}
+
+TEST_F(PlenopticPoints, OfAPlenopticCameraAloneAreOneGroup) {
+  cameras_.erase(cameras_.begin());
+  RigImages images;
+  images.cameras = &cameras_;
+  images.optics = {{0, optics_}};
+  images.frames = {"a"};
+  images.read = [](size_t, size_t) -> cv::Mat { throw Error(ErrorKind::kInput, "is damaged"); };
+  const FollowedPoints found = FollowPoints(
+      images, {0}, {}, 30, [&](size_t done, size_t total) { done_.emplace_back(done, total); });
+  EXPECT_THAT(done_, ElementsAre(std::pair(0, 1)));
+  ASSERT_THAT(found.left_out, SizeIs(1));
+  EXPECT_EQ(found.left_out[0].where, "raw a");
+  EXPECT_THAT(found.alike, SizeIs(0));
+}
+
+TEST_F(PlenopticPoints, OfAMapAreFoundAgainInARawImage) {
+  PlenopticTracker tracker(cameras_[1], optics_, {.wanted = 3000}, 0, 1);
+  tracker.AddFrame("a", raw_);
+  LandmarkMap map;
+  map.descriptors = tracker.Descriptors();
+  // Each third point is not part of the map.
+  cv::Mat kept;
+  for (int row = 0; row < map.descriptors.rows; ++row) {
+    if (row % 3 == 0) continue;
+    kept.push_back(map.descriptors.row(row));
+    map.numbers.push_back(1000 - row);
+  }
+  map.descriptors = kept;
+  CalibratedCamera camera;
+  camera.model = cameras_[1].model;
+  const View found = MatchLandmarks(again_, camera, optics_, map, 1);
+  // Several measurements of a point in micro images, where the first image shows it.
+  std::map<int, std::map<std::pair<double, double>, cv::Point2d>> first;
+  tracker.AddFrame("b", again_);
+  const std::vector<View> views = tracker.Views();
+  for (const Observation& seen : views.at(0).observations) {
+    first[1000 - seen.marker][{seen.values[2], seen.values[3]}] = {seen.values[0], seen.values[1]};
+  }
+  std::set<int> numbers;
+  size_t compared = 0, same = 0;
+  for (const Observation& seen : found.observations) {
+    EXPECT_NE((1000 - seen.marker) % 3, 0);
+    numbers.insert(seen.marker);
+    const auto& places = first[seen.marker];
+    const auto place = places.find({seen.values[2], seen.values[3]});
+    if (place == places.end()) continue;
+    ++compared;
+    same += cv::norm(place->second - cv::Point2d(seen.values[0], seen.values[1])) < 0.3 ? 1 : 0;
+  }
+  EXPECT_GT(numbers.size(), 10U);
+  EXPECT_GT(compared, 3 * numbers.size());
+  EXPECT_GE(10 * same, 9 * compared);
 }
 
 }  // namespace TEST_FILE
