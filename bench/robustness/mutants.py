@@ -34,6 +34,8 @@ from robustness import mistakes, mutation_points
 
 HEADER = """// SPDX-License-Identifier: Apache-2.0
 #pragma once
+// A mutant may lack the statement that returns or throws at a function's end.
+#pragma GCC diagnostic ignored "-Wreturn-type"
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
