@@ -26,8 +26,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr size_t kCoarseMarkers = 24, kFineMarkers = 150;
 constexpr size_t kKept = 400;
 struct Effort {
-  size_t preferred;  // candidates of which the gain is computed
-  size_t executed;   // and of these, those of which its mean over inexact poses is
+  size_t preferred;  // candidates whose gain is computed
+  size_t executed;   // of these, candidates whose mean gain over inexact poses is computed
 };
 constexpr Effort kSuggested{100, 16}, kCounted{20, 4};
 // The most views that are counted until the goal.
@@ -43,7 +43,7 @@ class NextViewChooser::Impl {
   NextViews Run(RigEstimate rig) {
     rig_ = std::move(rig);
     std::vector<CandidateBasis> cameras = Cameras();
-    // A choice that failed leaves none.
+    // A choice that failed leaves no candidates.
     const bool stay = !fine_.poses.empty() && CandidatesStay(cameras_, cameras, unknowns_);
     if (!stay) {
       fine_ = {};

@@ -21,7 +21,7 @@ namespace plenocal {
 /// OpenCV has drawn the board in two ways:
 ///
 ///   pattern  top-left square                    printed by
-///   new      black                              OpenCV 4.7 and later
+///   new      black                              OpenCV 4.6 and later
 ///   legacy   white, if the rows are even        OpenCV before; `setLegacyPattern(true)` since
 ///
 /// In both, the ids of ArUco markers count the white squares row by row from the top left. With an

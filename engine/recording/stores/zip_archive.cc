@@ -167,15 +167,11 @@ std::string ZipBytes(const OutputContents& files) {
   }
   zip_stat_t size;
   zip_stat_init(&size);
-  std::string packed;
-  if (zip_source_stat(bytes, &size) == 0 && zip_source_open(bytes) == 0) {
-    packed.resize(size.size);
-    if (zip_source_read(bytes, packed.data(), packed.size()) !=
-        static_cast<zip_int64_t>(packed.size())) {
-      packed.clear();
-    }
-    zip_source_close(bytes);
-  }
+  if (zip_source_stat(bytes, &size) != 0 || zip_source_open(bytes) != 0) throw std::bad_alloc();
+  std::string packed(size.size, '\0');
+  const zip_int64_t count = zip_source_read(bytes, packed.data(), packed.size());
+  zip_source_close(bytes);
+  if (count != std::ssize(packed)) throw std::bad_alloc();
   return packed;
 }
 

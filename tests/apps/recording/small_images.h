@@ -4,12 +4,13 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <zip.h>
 
 #include <filesystem>
+#include <fstream>
 #include <map>
-#include <stdexcept>
 #include <string>
+
+#include "engine/recording/stores/zip_archive.h"
 
 namespace plenocal::testing {
 
@@ -35,13 +36,7 @@ inline std::string MosaicImage(int size = 64) {
 /// Writes a zip archive of these files.
 inline void WriteZip(const std::filesystem::path& path,
                      const std::map<std::string, std::string>& files) {
-  zip_t* const archive = zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, nullptr);
-  if (archive == nullptr) throw std::runtime_error("cannot make " + path.string());
-  for (const auto& [name, content] : files) {
-    zip_source_t* const source = zip_source_buffer(archive, content.data(), content.size(), 0);
-    if (zip_file_add(archive, name.c_str(), source, 0) < 0) throw std::runtime_error(name);
-  }
-  if (zip_close(archive) != 0) throw std::runtime_error("cannot write " + path.string());
+  std::ofstream(path, std::ios::binary) << ZipBytes({files.begin(), files.end()});
 }
 
 }  // namespace plenocal::testing
