@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <vector>
 
@@ -36,7 +37,8 @@ Eigen::MatrixXd Unpacked(const Eigen::VectorXd& packed) {
 
 double OptimalDesign::FewestViews(double goal) const {
   const double missing = trace * trace / goal - of_so_far;
-  return missing <= 0 ? 0 : missing / std::max(steepest, 0.0);  // infinite without any loss
+  if (missing <= 0) return 0;
+  return steepest > 0 ? missing / steepest : std::numeric_limits<double>::infinity();
 }
 
 OptimalDesign SolveDesign(const Eigen::MatrixXd& M,
