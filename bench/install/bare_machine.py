@@ -4,15 +4,16 @@
 
     bench/bare_machine                   # all ways
     bench/bare_machine wheel deb         # these alone
-    bench/bare_machine --suite trixie wheel source sdist      # on Debian 13
+    bench/bare_machine --suite trixie demo test      # the README's two commands, on Debian 13
     bench/bare_machine --ccache source   # with the compiler cache of this machine: for a second look, not for times
 
-A bare Debian is debootstrap's smallest one (package `debootstrap`) in build/bare; each way has a copy of it, entered with
-chroot in its own namespaces. Debian 12, unless `--suite` names another; the Dockerfile names its own. Needs root. `wheel`
-and `deb` take what scripts/wheel and scripts/deb have made on this system, `sdist` what `python -m build --sdist` makes of
-the tree, `source` a clone of the last commit, and `container` executes the Dockerfile's steps on such a clone, in place of
-a container engine. Prints the time until everything is installed and the time of the first calibration, 13 images of a
-chessboard, by the program and from Python. Exit status 1 when a way failed.
+A bare Debian is debootstrap's smallest one (package `debootstrap`) in build/bare; each way has a copy of it, entered
+with chroot in its own namespaces. Debian 12, unless `--suite` names another; the Dockerfile names its own. Needs root.
+`wheel` and `deb` take what scripts/wheel and scripts/deb have made on this system, `sdist` what `python -m build
+--sdist` makes of the tree, `source` a clone of the last commit; `demo` and `test` type scripts/demo and scripts/test in
+one; `container` executes the Dockerfile's steps on such a clone, in place of a container engine. Prints the time until
+everything is installed and the time of the first calibration, 13 images of a chessboard, by the program and from
+Python. Exit status 1 when a way failed.
 """
 import glob
 import os
@@ -125,6 +126,17 @@ def install_source(options):
     return machine, begin, ""
 
 
+def readme_command(name):
+    def type_command(options):
+        machine, folder = Machine(name), str(ROOT)
+        machine.clone(folder)
+        begin = time.monotonic()
+        machine.run(f"scripts/{name}", folder, ccache=options.ccache)
+        return machine, begin, f"PATH={folder}/build/release/apps:$PATH"
+
+    return type_command
+
+
 def install_sdist(options):
     machine = Machine("sdist")
     run([ROOT / "scripts/venv"], machine.log)
@@ -168,7 +180,8 @@ def install_container(options):
 
 
 WAYS = {"wheel": install_wheel, "deb": install_deb, "source": install_source, "sdist": install_sdist,
-        "container": install_container}
+        "container": install_container, "demo": readme_command("demo"), "test": readme_command("test")}
+WITHOUT_MODULE = {"source", "demo", "test"}  # Python does not find one by itself
 
 
 def main():
@@ -189,7 +202,7 @@ def main():
             user = "plenocal" if way == "container" else "root"
             machine.run(f"{path} bash -c {shlex.quote(PROGRAM)}", user=user)
             calibrated = time.monotonic()
-            if way != "source":
+            if way not in WITHOUT_MODULE:
                 python = f"{path} python3 -c {shlex.quote(PYTHON)}"
                 machine.run(python, user=user)
             size = sum(path.lstat().st_size for path in machine.root.rglob("*") if path.is_file() and not path.is_symlink())

@@ -180,6 +180,7 @@ std::vector<cv::KeyPoint> FindBlobs(const cv::Mat& gray, bool bright, float most
   params.filterByColor = true;
   params.blobColor = bright ? 255 : 0;
   params.minArea = 12;
+  if (most_area < params.minArea) return {};
   params.maxArea = most_area;
   params.minDistBetweenBlobs = 3;  // px
   std::vector<cv::KeyPoint> points;

@@ -282,12 +282,12 @@ TEST(Registry, KeepsTheDataOfModelsThatAreMadeAtRunTime) {
     u[0] = u[1] = static_cast<const Data*>(own.self)->x;
     return true;
   };
-  const CameraModel& added = AddCameraModel(model, data, "test");
-  EXPECT_EQ(FindModel(CameraModels(), "made-at-run-time"), &added);
+  const CameraModel* const added = &AddCameraModel(model, data, "test");
+  EXPECT_EQ(FindModel(CameraModels(), "made-at-run-time"), added);
   EXPECT_THROW(AddCameraModel(model, data, "test"), Error);
   data.reset();
   double u[2] = {};
-  EXPECT_TRUE(added.Project(nullptr, nullptr, nullptr, {0, 0, 1}, u));
+  EXPECT_TRUE(added->Project(nullptr, nullptr, nullptr, {0, 0, 1}, u));
   EXPECT_EQ(u[0], 7);
 }
 

@@ -526,7 +526,8 @@ std::vector<Finding> FindAtBorder(const std::vector<Band>& bands, double scatter
       if (i % 4 >= 2) at = {band.margin, along};
       if (i % 4 == 3) at.x() = 1279 - band.margin;
       const Eigen::Vector2d p = (at - kMiddle) / kFocal;
-      bundle.markers.push_back({.number = 1, .position = {p.x(), p.y(), 0}, .nominal = {}});
+      bundle.markers.push_back(
+          {.number = 1, .position = {p.x(), p.y(), 0}, .nominal = Eigen::Vector3d::Zero()});
       lengths.push_back(band.length * std::exp(i % 2 == 0 ? scatter : -scatter));
     }
   }

@@ -165,7 +165,8 @@ void ExpectNormalEquations(bool fixed) {
   auto& seen = rig.estimate.bundle.observations;
   // What adds nothing: not used, not finite (alone and beside another), of an unknown marker, and
   // of one behind the cameras (alone and beside another).
-  rig.estimate.bundle.markers.push_back({.number = 500, .position = {}, .nominal = {}});
+  rig.estimate.bundle.markers.push_back(
+      {.number = 500, .position = Eigen::Vector3d::Zero(), .nominal = Eigen::Vector3d::Zero()});
   std::vector<BundleObservation> counted = good;
   seen[3].used = seen[130].used = false;
   seen[7].seen.values[0] = std::numeric_limits<double>::quiet_NaN();
@@ -181,7 +182,7 @@ void ExpectNormalEquations(bool fixed) {
   rig.target.markers[600] = {0, 0, -3};
   rig.estimate.marker_sigmas[600] = Eigen::Vector3d::Zero();
   rig.estimate.bundle.markers.push_back(
-      {.number = 600, .position = rig.target.markers[600], .nominal = {}});
+      {.number = 600, .position = rig.target.markers[600], .nominal = rig.target.markers[600]});
   stray.marker = kMarkers + 1;
   seen.push_back(stray);
   for (int i = 0; i < 2; ++i) {

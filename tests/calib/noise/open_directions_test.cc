@@ -16,11 +16,11 @@ using ::testing::ElementsAre;
 using ::testing::Pair;
 
 TEST(OpenDirections, SampleNoiseIsTheMeanOfBothSignsLessTheEstimate) {
-  const Eigen::MatrixXd at = Eigen::MatrixXd::Constant(1, 1, 3);
-  const NoisyInformation noisy = SampleNoise(at, [&](unsigned sample, double sign) {
-    return Eigen::MatrixXd::Constant(1, 1, 3 + 100 * sign + 2.0 * sample);
+  const auto scalar = [](double value) { return Eigen::MatrixXd::Constant(1, 1, value); };
+  const NoisyInformation noisy = SampleNoise(scalar(3), [&](unsigned sample, double sign) {
+    return scalar(3 + 100 * sign + 2.0 * sample);
   });
-  EXPECT_EQ(noisy.information, at);
+  EXPECT_EQ(noisy.information, scalar(3));
   ASSERT_EQ(noisy.of_noise.size(), 16U);
   for (size_t sample = 0; sample < 16; ++sample) {
     EXPECT_DOUBLE_EQ(noisy.of_noise[sample](0, 0), 2.0 * static_cast<double>(sample));

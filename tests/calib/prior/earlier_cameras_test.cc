@@ -299,9 +299,10 @@ TEST(EarlierCameras, OfTwoRigsHaveTheirExtrinsics) {
   const CalibrationRecord first = Earlier({"left", "right"});
   CalibrationRecord second = Earlier({"left", "top"});
   second.cameras[1].T_camera_rig.t.x() = 0.7;
+  const std::vector<size_t> none;
   const EarlierCameras found =
       UseEarlierCalibrations(Session({"left", "right", "top"}),
-                             {{.prior = {{}}}, {.prior = {{}}}, {.prior = {{}}}},
+                             {{.prior = none}, {.prior = none}, {.prior = none}},
                              {{.record = &first, .cameras = {0, 1}, .is_named = true},
                               {.record = &second, .cameras = {0, 2}, .is_named = true}},
                              {});

@@ -415,8 +415,8 @@ TEST(ImageCodecs, GiveTheReasonOfTheLibrary) {
   std::fill_n(tiff.begin() + 8, 30, std::uint8_t{0xff});
   EXPECT_THAT(Defect(tiff), ::testing::StartsWith("TIFF: "));
   Bytes jpeg = Encoded(".jpg", Noise(CV_8U));
-  const auto frame = std::ranges::search(jpeg, std::array<std::uint8_t, 2>{0xff, 0xc0});
-  frame.begin()[4] = 12;
+  const std::array<std::uint8_t, 2> marker{0xff, 0xc0};
+  std::search(jpeg.begin(), jpeg.end(), marker.begin(), marker.end())[4] = 12;
   EXPECT_THAT(Defect(jpeg), HasSubstr("JPEG: Unsupported JPEG data precision 12"));
 }
 
