@@ -83,7 +83,7 @@ class Machine:
             cache = subprocess.run(["ccache", "--get-config", "cache_dir"], capture_output=True, text=True, check=True)
             mounts = f"mkdir -p $0/ccache && mount --bind {shlex.quote(cache.stdout.strip())} $0/ccache && "
             environment["CCACHE_DIR"] = "/ccache"
-        enter = mounts + 'exec chroot --userspec="$1" "$0" /bin/bash -euc "cd $2 && $3"'
+        enter = "mount -t devpts -o newinstance,ptmxmode=0666 devpts $0/dev/pts && " + mounts + 'exec chroot --userspec="$1" "$0" /bin/bash -euc "cd $2 && $3"'
         run(["unshare", "--mount", "--pid", "--fork", f"--mount-proc={self.root}/proc", "bash", "-euc", enter, self.root, user,
              folder, script], self.log, environment)
 
