@@ -35,8 +35,10 @@ Eigen::Matrix3d AboutVertical(double angle) { return ExpRotation({0, 0, angle});
 Box DrawBox(const Eigen::Vector3d& centre, double distance, Random* random) {
   Box box;
   box.T_world_box.t = centre;
-  box.T_world_box.R = AboutVertical(random->Uniform(0, 2 * std::numbers::pi)) *
-                      ExpRotation({random->Uniform(-0.3, 0.3), random->Uniform(-0.3, 0.3), 0});
+  // Compilers differ in which operand of `*` comes first.
+  const Eigen::Matrix3d tilted =
+      ExpRotation({random->Uniform(-0.3, 0.3), random->Uniform(-0.3, 0.3), 0});
+  box.T_world_box.R = AboutVertical(random->Uniform(0, 2 * std::numbers::pi)) * tilted;
   for (int i = 0; i < 3; ++i) box.half[i] = distance * random->Uniform(0.05, 0.14);
   return box;
 }

