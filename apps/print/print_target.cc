@@ -311,7 +311,7 @@ std::string Pdf(const std::vector<Page>& pages) {
   {
     const Surface surface(cairo_pdf_surface_create_for_stream(
         Append, &text, kPoints * pages[0].width, kPoints * pages[0].height));
-    // Later ones pack the page's size, which a printing program may want to read.
+    // Later versions compress the page's size, which other programs read.
     cairo_pdf_surface_restrict_to_version(surface.get(), CAIRO_PDF_VERSION_1_4);
     // cairo's date is the time of the run; equal targets give equal files.
     cairo_pdf_surface_set_metadata(

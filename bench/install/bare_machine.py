@@ -78,12 +78,12 @@ class Machine:
         environment = {key: value for key, value in os.environ.items() if re.search("(?i)cert|ca_|_proxy$", key)}
         environment |= {"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
                         "HOME": "/root" if user == "root" else f"/home/{user}", "DEBIAN_FRONTEND": "noninteractive"}
-        mounts = ""
+        mounts = "mount -t devpts -o newinstance,ptmxmode=0666 devpts $0/dev/pts && "
         if ccache:
             cache = subprocess.run(["ccache", "--get-config", "cache_dir"], capture_output=True, text=True, check=True)
-            mounts = f"mkdir -p $0/ccache && mount --bind {shlex.quote(cache.stdout.strip())} $0/ccache && "
+            mounts += f"mkdir -p $0/ccache && mount --bind {shlex.quote(cache.stdout.strip())} $0/ccache && "
             environment["CCACHE_DIR"] = "/ccache"
-        enter = "mount -t devpts -o newinstance,ptmxmode=0666 devpts $0/dev/pts && " + mounts + 'exec chroot --userspec="$1" "$0" /bin/bash -euc "cd $2 && $3"'
+        enter = mounts + 'exec chroot --userspec="$1" "$0" /bin/bash -euc "cd $2 && $3"'
         run(["unshare", "--mount", "--pid", "--fork", f"--mount-proc={self.root}/proc", "bash", "-euc", enter, self.root, user,
              folder, script], self.log, environment)
 

@@ -35,7 +35,7 @@ Eigen::Matrix3d AboutVertical(double angle) { return ExpRotation({0, 0, angle});
 Box DrawBox(const Eigen::Vector3d& centre, double distance, Random* random) {
   Box box;
   box.T_world_box.t = centre;
-  // Compilers differ in which operand of `*` comes first.
+  // Drawn one after the other: compilers differ in which operand of `*` they evaluate first.
   const Eigen::Matrix3d tilted =
       ExpRotation({random->Uniform(-0.3, 0.3), random->Uniform(-0.3, 0.3), 0});
   box.T_world_box.R = AboutVertical(random->Uniform(0, 2 * std::numbers::pi)) * tilted;

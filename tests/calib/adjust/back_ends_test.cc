@@ -457,7 +457,8 @@ TEST(BackEnds, ReducedReachesTheOptimumAfterRejectedSteps) {
   const Bundle start = near;
   ASSERT_TRUE(internal::MinimiseReduced(fine, &near).converged);
   const Uncertainty uncertainty = EstimateUncertainty(near);
-  // So far that some first step is too long; which, rounding decides.
+  // So far from the optimum that a first step is too long, for at least one factor; rounding
+  // decides for which.
   bool was_rejected = false;
   for (const double factor : {3.0, 4.0, 5.0, 6.0}) {
     Bundle far = start;
