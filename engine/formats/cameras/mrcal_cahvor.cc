@@ -86,7 +86,9 @@ std::vector<CalibratedCamera> ReadCahvor(const CameraSource& source) {
   Cahvor cahvor;
   cahvor.linearity = ReadLinearity(at("Model"));
   cahvor.C = vector("C");
-  cahvor.HVA << vector("H").transpose(), vector("V").transpose(), vector("A").transpose();
+  cahvor.HVA.row(0) = vector("H");
+  cahvor.HVA.row(1) = vector("V");
+  cahvor.HVA.row(2) = vector("A");
   cahvor.O = lines.contains("O") ? vector("O") : vector("A");
   if (lines.contains("R")) cahvor.R = vector("R");
   if (cahvor.linearity) cahvor.E = vector("E");
