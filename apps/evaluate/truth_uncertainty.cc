@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/base/error.h"
 #include "calib/files/checks/correlation_check.h"
 #include "calib/io/yaml.h"
 
