@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The documents' examples, run as a reader would: the lines of all ```sh blocks of a document, in
-// order, in a folder that has the project's `examples` and `tests/data`.
+// The documents' examples, run as a reader would: the lines of all ```sh blocks of a document and
+// those after a `$` in blocks without a language, which show the output as well, in order, in a
+// folder that has the project's `examples` and `tests/data`.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <regex>
 #include <set>
 #include <string>
@@ -33,13 +35,16 @@ class Documentation : public Workspace {
     fs::copy(path, Path("document.md"));
     std::string script = fmt::format("set -euo pipefail\nPATH={}:$PATH\n",
                                      fs::path(PLENOCAL_PROGRAM).parent_path().string());
-    bool inside = false, any = false;
+    std::optional<std::string> language;  // of the block that is open
+    bool any = false;
     for (const std::string& line : Lines(Read("document.md"))) {
       if (line.starts_with("```")) {
-        inside = line == "```sh";
-        any = any || inside;
-      } else if (inside) {
+        language = language ? std::nullopt : std::optional(line.substr(3));
+        any = any || language == "sh";
+      } else if (language == "sh") {
         script += line + "\n";
+      } else if (language == "" && line.starts_with("$ ")) {
+        script += line.substr(2) + "\n";
       }
     }
     ASSERT_TRUE(any) << "no ```sh block in " << path;
@@ -64,6 +69,17 @@ TEST_F(Documentation, AFirstCalibrationIsGoodAndIsHandedOver) {
   EXPECT_THAT(Verdict("first/result"), HasSubstr("This calibration is good."));
   EXPECT_TRUE(fs::exists(Path("camera.yml")));
   EXPECT_EQ(std::distance(fs::directory_iterator(Path("straight")), {}), 21);
+}
+
+TEST_F(Documentation, AFirstPlenopticRigGivesTheFiguresOfItsPage) {
+  RunExamplesOf("first_plenoptic_rig.md");
+  EXPECT_THAT(Read("log"), HasSubstr("2066 micro lenses, 2 unusable, 3 types: 694, 686, 686"));
+  EXPECT_THAT(Read("log"), HasSubstr("400 x 400 pixels, virtual depth known in 97 %"));
+  const YAML::Node camera = Result("result")["cameras"]["plenoptic"];
+  EXPECT_NEAR(camera["parameters"]["f_L"].as<double>(), 0.01220131, 0.0000001);
+  EXPECT_NEAR(camera["residuals"]["rms"].as<double>(), 0.0288, 0.0001);
+  EXPECT_THAT(Verdict("result"), HasSubstr("This calibration is good."));
+  EXPECT_TRUE(fs::exists(Path("points.ply")));
 }
 
 TEST_F(Documentation, ConventionsAreShownOnARig) {
@@ -186,13 +202,12 @@ TEST_F(Documentation, WhereOpenCvFailsCornersAreFoundAndAFisheyeIsCalibrated) {
 
 TEST_F(Documentation, CommandsOfEachPageAreRunOrNameTheReadersFiles) {
   const std::set<std::string> others{
-      "data.md",                 // ctest
-      "first_plenoptic_rig.md",  // a minute of a core: scripts/pictures runs it
-      "fleet.md",                // the reader's plan
-      "new_model.md",            // scripts/add
-      "python.md",               // installation
-      "suggest.md",              // the reader's images
-      "workbench.md",            // a server
+      "data.md",       // ctest
+      "fleet.md",      // the reader's plan
+      "new_model.md",  // scripts/add
+      "python.md",     // installation
+      "suggest.md",    // the reader's images
+      "workbench.md",  // a server
   };
   std::ifstream file(__FILE__);
   const std::string own(std::istreambuf_iterator<char>(file), {});
