@@ -105,6 +105,9 @@ export async function test(folder, browserArguments, work) {
     failed = true;
     console.error(error);
     console.error(problems.join("\n"));
+    for (const page of browser.contexts().flatMap((context) => context.pages())) {
+      console.error(page.url(), await page.locator("body").innerText());
+    }
   } finally {
     await browser.close();
     if (!process.env.KEEP) rmSync(folder, { recursive: true, force: true });
