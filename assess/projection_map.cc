@@ -65,7 +65,7 @@ double WorstSigma(const Eigen::MatrixXd& J, const Eigen::MatrixXd& covariance) {
   const Eigen::Matrix2d spread = J * covariance * J.transpose();
   const double greatest = (spread(0, 0) + spread(1, 1)) / 2 +
                           std::hypot((spread(0, 0) - spread(1, 1)) / 2, spread(1, 0));
-  return std::sqrt(std::max(0.0, greatest));
+  return std::sqrt(std::max(greatest, 0.0));  // NaN stays
 }
 
 }  // namespace

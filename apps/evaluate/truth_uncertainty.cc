@@ -90,8 +90,8 @@ Eigen::Matrix<double, 5, 14> DifferentiateMetrics(const LoopMetrics& metrics,
   return derivatives;
 }
 
-// The root of a variance that rounding may have made negative.
-double Root(double variance) { return std::sqrt(std::max(0.0, variance)); }
+// The root of a variance that rounding may have made negative; NaN stays.
+double Root(double variance) { return std::sqrt(std::max(variance, 0.0)); }
 
 // The metrics' deviations for an estimate without errors that follows the measured path.
 Values ComputeFloors(const LoopMetrics& metrics,

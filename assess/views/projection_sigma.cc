@@ -136,7 +136,7 @@ ProjectionSigma::ProjectionSigma(const std::vector<Result>& results,
 }
 
 double ProjectionSigma::Of(const Eigen::MatrixXd& M, const Eigen::MatrixXd& covariance) {
-  return std::sqrt(std::max(0.0, M.cwiseProduct(covariance).sum()));
+  return std::sqrt(std::max(M.cwiseProduct(covariance).sum(), 0.0));  // NaN stays
 }
 
 double ProjectionSigma::InRegion(size_t camera,

@@ -35,13 +35,22 @@ class OpenFile {
   throw InputError("{}: {}", file.string(), why);
 }
 
-// A file or folder beneath an open folder, to which no link leads.
-int OpenBeneath(int folder, const char* path, std::uint64_t flags, std::uint64_t mode = 0) {
+// A file or folder beneath an open folder; `links`: which may lead there.
+int OpenBeneath(int folder,
+                const char* path,
+                std::uint64_t flags,
+                std::uint64_t mode = 0,
+                std::uint64_t links = RESOLVE_NO_SYMLINKS) {
   open_how how{};
   how.flags = flags | O_CLOEXEC;
   how.mode = mode;
-  how.resolve = RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS;
+  how.resolve = RESOLVE_BENEATH | links;
   return static_cast<int>(syscall(SYS_openat2, folder, path, &how, sizeof how));
+}
+
+std::string WhyNotOpen() {
+  if (errno == ENOSYS) return "needs openat2: Linux 5.6, and a container engine that permits it";
+  return std::strerror(errno);
 }
 
 bool WriteAll(int file, std::string_view content) {
@@ -72,13 +81,10 @@ fs::path RelativeTo(const fs::path& root, const fs::path& file) {
 std::vector<std::uint8_t> ReadBeneath(const fs::path& root, const fs::path& file, size_t most) {
   const fs::path relative = RelativeTo(root, file);
   const OpenFile folder(open(root.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
-  open_how how{};
   // A pipe would else wait for a writer.
-  how.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
-  how.resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS;
-  const OpenFile opened(
-      static_cast<int>(syscall(SYS_openat2, folder.Number(), relative.c_str(), &how, sizeof how)));
-  if (opened.Number() < 0) RefuseFile(file, std::strerror(errno));
+  const OpenFile opened(OpenBeneath(
+      folder.Number(), relative.c_str(), O_RDONLY | O_NONBLOCK, 0, RESOLVE_NO_MAGICLINKS));
+  if (opened.Number() < 0) RefuseFile(file, WhyNotOpen());
   struct stat about {};
   if (fstat(opened.Number(), &about) != 0 || !S_ISREG(about.st_mode)) {
     RefuseFile(file, "is no regular file");
@@ -110,7 +116,7 @@ void AddBeneath(const fs::path& root,
   if (!folder.empty()) (void)mkdirat(top.Number(), folder.c_str(), 0777);
   const OpenFile place(
       OpenBeneath(top.Number(), folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY));
-  if (place.Number() < 0) RefuseFile(root / folder, std::strerror(errno));
+  if (place.Number() < 0) RefuseFile(root / folder, WhyNotOpen());
   // A name that the images of a session do not have, so that nobody reads half a file.
   const std::string partial = "." + name + ".partial";
   (void)unlinkat(place.Number(), partial.c_str(), 0);  // of a server that was killed
