@@ -5,6 +5,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "tests/apps/workspace.h"
 
@@ -76,6 +79,59 @@ TEST_F(Plugin, IsKnownToEveryCommand) {
   const Outcome without = Run({"calibrate", "set/session.yaml", "-o", "without"});
   EXPECT_EQ(without.status, kWrongInput);
   EXPECT_THAT(without.err, AllOf(HasSubstr("'stereographic'"), HasSubstr("--plugin")));
+}
+
+TEST_F(Plugin, MadeOfTheHeadersOfFormulasProjectsAsTheFormulas) {
+  const std::string formulas = fs::path(PLENOCAL_PLUGIN_SOURCES) / "formulas.model.yaml";
+  fs::copy(PLENOCAL_EXAMPLES, Path("examples"), fs::copy_options::recursive);
+  const std::map<std::string, std::string> parameters{
+      {"written-radius", "{f_x: 210, f_y: 212, c_x: 322, c_y: 243, k_1: -0.02, k_2: 0.003}"},
+      {"written-map", "{f_x: 300, f_y: 302, c_x: 322, c_y: 243, xi: 0.6}"}};
+  for (const auto& [model, values] : parameters) {
+    const Outcome checked = RunWith("written_headers", {"models", "check", model});
+    EXPECT_EQ(checked.status, kDone) << checked.out;
+    Write("set.yaml",
+          fmt::format("plenocal: 1\nseed: 3\ntarget: examples/simulate/target.yaml\n"
+                      "poses: {{kind: varied, frames: 5, distance: [0.15, 0.4]}}\ncameras:\n"
+                      "  cam: {{model: {}, image_size: [640, 480], parameters: {}}}\n",
+                      model,
+                      values));
+    const auto points = [&](const std::string& option, const std::string& file) {
+      const Outcome done =
+          Run({option, file, "simulate", "set.yaml", "--points", "-o", model + option});
+      EXPECT_EQ(done.status, kDone) << done.err;
+      return Lines(Read(model + option + "/detections_cam.csv"));
+    };
+    const std::vector<std::string> of_header = points("--plugin", Library("written_headers")),
+                                   of_formula = points("--model-file", formulas);
+    EXPECT_GT(of_header.size(), 100U);
+    EXPECT_EQ(of_header, of_formula) << model;
+  }
+}
+
+TEST_F(Plugin, HeadersAreWrittenOfLensesWithAnInverseAlone) {
+  Write("lenses.yaml", R"(models:
+  bent: {source: a, params: {k: {}}, ray: [x, y, 1 + k*(x^2 + y^2)]}
+  short: {source: a, params: {k: {}}, radius: theta*(1 + k*theta^2), domain: theta < 1.5}
+  open:
+    source: a
+    params: {k: {scale: 0.4}}
+    let: {g: 1 + k*(X^2 + Y^2)/Z^2}
+    map: [X/Z*g, Y/Z*g]
+    domain: Z > 0
+    example: [500, 500, 320, 240, -0.1]
+)");
+  const std::map<std::string, std::string> refused{{"bent", "radius or map"},
+                                                   {"short", "remove the domain"},
+                                                   {"open", "'domain' and 'unmap'"},
+                                                   {"pinhole", "made of no formula"},
+                                                   {"nothing", "nothing"}};
+  for (const auto& [model, why] : refused) {
+    const Outcome outcome = Run({"--model-file", "lenses.yaml", "models", "--header", model});
+    EXPECT_EQ(outcome.status, kWrongInput) << model;
+    EXPECT_EQ(outcome.out, "") << model;
+    EXPECT_THAT(outcome.err, HasSubstr(why)) << model;
+  }
 }
 
 TEST_F(Plugin, MayStandBesideOthers) {
