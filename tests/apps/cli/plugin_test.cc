@@ -96,7 +96,7 @@ TEST_F(Plugin, MadeOfTheHeadersOfFormulasProjectsAsTheFormulas) {
                       "  cam: {{model: {}, image_size: [640, 480], parameters: {}}}\n",
                       model,
                       values));
-    const auto points = [&](const std::string& option, const std::string& file) {
+    const auto points = [&, &model = model](const std::string& option, const std::string& file) {
       const Outcome done =
           Run({option, file, "simulate", "set.yaml", "--points", "-o", model + option});
       EXPECT_EQ(done.status, kDone) << done.err;
