@@ -9,10 +9,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <thread>
 
 #include "calib/base/format_error.h"
 #include "calib/io/detection_cache.h"
@@ -28,6 +30,17 @@ std::string ContentOf(const fs::path& file) {
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();
+}
+
+// An editor that writes in place leaves a file empty for a moment, which is no version of it.
+std::string WrittenContentOf(const fs::path& file) {
+  constexpr int kTries = 20;
+  std::string text = ContentOf(file);
+  for (int i = 0; i < kTries && text.empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    text = ContentOf(file);
+  }
+  return text;
 }
 
 // All or nothing, so that a killed server leaves one of the two texts. A symbolic link stays.
@@ -125,7 +138,9 @@ void Project::Record(const std::string& kind, const std::string& text) {
 
 SessionVersion Project::Now() {
   if (!HasSession()) return {};
-  SessionVersion version{.text = ContentOf(session_), .hash = HashFile(session_)};
+  SessionVersion version;
+  version.text = WrittenContentOf(session_);
+  version.hash = HashFile(session_);
   if (current_ == 0 || VersionText(current_) != version.text) {
     if (current_ > 0) undo_.push_back(current_);
     redo_.clear();

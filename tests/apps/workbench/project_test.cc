@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <csignal>
 #include <fstream>
 #include <random>
 #include <sstream>
+#include <thread>
 
 #include "apps/workbench/project/beneath.h"
 #include "apps/workbench/project/command_text.h"
@@ -170,6 +172,20 @@ TEST_F(ProjectFolder, KeepsALinkToItsSession) {
   ASSERT_TRUE(project.Write("two\n", ""));
   EXPECT_TRUE(fs::is_symlink(folder_ / "session.yaml"));
   EXPECT_EQ(Read("shared.yaml"), "two\n");
+}
+
+TEST_F(ProjectFolder, WaitsForAnEditorThatEmptiesTheFileBeforeItWrites) {
+  Write("session.yaml", "plenocal: 1\n");
+  Project project(folder_);
+  EXPECT_EQ(project.ReadVersion().text, "plenocal: 1\n");
+  Write("session.yaml", "");
+  std::thread editor([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    Write("session.yaml", "plenocal: 2\n");
+  });
+  EXPECT_EQ(project.ReadVersion().text, "plenocal: 2\n");
+  editor.join();
+  EXPECT_EQ(project.Undo()->text, "plenocal: 1\n");
 }
 
 TEST_F(ProjectFolder, RefusesToWriteOverWhatAnEditorWrote) {
