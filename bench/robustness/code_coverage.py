@@ -5,9 +5,9 @@
     bench/code_coverage            # the whole suite
     bench/code_coverage -L fast    # words for ctest
 
-Builds preset `clang` in build/coverage: without the server of the workbench and its tests. Counts are in the project's
-sources alone, since those of Eigen's headers take ten times the time of the tests; a processor runs each test, since threads that share
-counters are as slow. Branches of exceptions do not count. Prints what a test says that fails; the table is made all the same.
+Builds preset `clang` in build/coverage, without the server of the workbench and its tests. Only the project's sources have
+counters: with those of Eigen's headers the tests take ten times as long. Each test runs on one processor, since threads
+that share counters are slow as well. Branches of exceptions do not count. A test that fails does not stop the command.
 """
 import collections
 import json

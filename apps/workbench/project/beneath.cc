@@ -35,16 +35,17 @@ class OpenFile {
   throw InputError("{}: {}", file.string(), why);
 }
 
-// A file or folder beneath an open folder; `links`: which may lead there.
+// A file or folder beneath an open folder. `refused_links`: kinds of links that must not lead
+// there.
 int OpenBeneath(int folder,
                 const char* path,
                 std::uint64_t flags,
                 std::uint64_t mode = 0,
-                std::uint64_t links = RESOLVE_NO_SYMLINKS) {
+                std::uint64_t refused_links = RESOLVE_NO_SYMLINKS) {
   open_how how{};
   how.flags = flags | O_CLOEXEC;
   how.mode = mode;
-  how.resolve = RESOLVE_BENEATH | links;
+  how.resolve = RESOLVE_BENEATH | refused_links;
   return static_cast<int>(syscall(SYS_openat2, folder, path, &how, sizeof how));
 }
 

@@ -85,10 +85,10 @@ TEST_F(Plugin, MadeOfTheHeadersOfFormulasProjectsAsTheFormulas) {
   const std::string formulas = fs::path(PLENOCAL_PLUGIN_SOURCES) / "formulas.model.yaml";
   fs::copy(PLENOCAL_EXAMPLES, Path("examples"), fs::copy_options::recursive);
   const std::map<std::string, std::string> parameters{
-      {"written-radius", "{f_x: 210, f_y: 212, c_x: 322, c_y: 243, k_1: -0.02, k_2: 0.003}"},
-      {"written-map", "{f_x: 300, f_y: 302, c_x: 322, c_y: 243, xi: 0.6}"}};
+      {"formula-radius", "{f_x: 210, f_y: 212, c_x: 322, c_y: 243, k_1: -0.02, k_2: 0.003}"},
+      {"formula-map", "{f_x: 300, f_y: 302, c_x: 322, c_y: 243, xi: 0.6}"}};
   for (const auto& [model, values] : parameters) {
-    const Outcome checked = RunWith("written_headers", {"models", "check", model});
+    const Outcome checked = RunWith("formula_headers", {"models", "check", model});
     EXPECT_EQ(checked.status, kDone) << checked.out;
     Write("set.yaml",
           fmt::format("plenocal: 1\nseed: 3\ntarget: examples/simulate/target.yaml\n"
@@ -102,7 +102,7 @@ TEST_F(Plugin, MadeOfTheHeadersOfFormulasProjectsAsTheFormulas) {
       EXPECT_EQ(done.status, kDone) << done.err;
       return Lines(Read(model + option + "/detections_cam.csv"));
     };
-    const std::vector<std::string> of_header = points("--plugin", Library("written_headers")),
+    const std::vector<std::string> of_header = points("--plugin", Library("formula_headers")),
                                    of_formula = points("--model-file", formulas);
     EXPECT_GT(of_header.size(), 100U);
     EXPECT_EQ(of_header, of_formula) << model;

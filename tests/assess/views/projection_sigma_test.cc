@@ -52,6 +52,7 @@ TEST(ProjectionSigma, IsTheMeanOfResults) {
   EXPECT_NEAR(sigma.InRegion(1, 5, C), std::sqrt(square(2, 1)), 1e-12);
   EXPECT_TRUE(std::isnan(sigma.InRegion(1, 2, C)));
   EXPECT_EQ(sigma.Of(-C), 0);
+  EXPECT_TRUE(std::isnan(sigma.Of(std::nan("") * C)));
   EXPECT_EQ(sigma.Words().unit, "mm");
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The models of formulas.model.yaml, from their headers.
+#include "formula_map.h"
+#include "formula_radius.h"
 #include "models/plugin/plugin.h"
-#include "written_map.h"
-#include "written_radius.h"
 
-PLENOCAL_CAMERA_MODEL_PLUGIN(plenocal::WrittenRadius, plenocal::WrittenMap)
+PLENOCAL_CAMERA_MODEL_PLUGIN(plenocal::FormulaRadius, plenocal::FormulaMap)
