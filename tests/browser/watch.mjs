@@ -37,6 +37,7 @@ async function recording(page, steps) {
   await page.locator("p.problem[data-last]").waitFor({ timeout: kPatience });
   writeFileSync(join(folder, "left", name(6)), whole);
   await framesOf(6);
+  await page.getByText(/ 5 frames: .*; 6 frames: /).waitFor({ timeout: kPatience });
 
   steps("each further image is in the next result");
   // Before its calibration is done the page has it: sigma, coverage and next view go on from the run before, once that is read.
@@ -49,7 +50,7 @@ async function recording(page, steps) {
   } while (count < 8 && !(await now().isVisible()));
   console.log(await now().textContent({ timeout: 1000 }));
   await framesOf(count);
-  await page.getByText(/with 5 frames: .*; 6 frames: .*; 7 frames: /).waitFor({ timeout: kPatience });
+  await page.getByText(new RegExp(` 5 frames: .*; 6 frames: .*; ${count} frames: `)).waitFor({ timeout: kPatience });
   assert.ok(existsSync(join(folder, "runs/1/calibration.yaml")));
   assert.ok(!existsSync(join(folder, "runs/2")), "images that arrive go on in one run");
   await look(page, "watch");

@@ -53,6 +53,7 @@ async function folderToResult(page, steps) {
   steps("text and file changed at once: nothing is lost");
   const session = page.getByRole("textbox", { name: "Session" });
   const old = await session.inputValue();
+  assert.equal(old, text("session.yaml"), "the text follows at once with the fields");
   await session.fill(`${old}# mine\n`);
   writeFileSync(join(folder, "session.yaml"), `${old}# theirs\n`);
   await page.getByText("The file has changed meanwhile").waitFor({ timeout: kPatience });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A form for values that stand in a text.
-import { useEffect, useId, useState } from "preact/hooks";
+import { useId, useState } from "preact/hooks";
 import type { Field } from "../api/types";
 
 const kUnits = ["mm", "cm", "m", "in", "um"];
@@ -14,9 +14,9 @@ interface Input {
 
 /** The text that is typed, until it is set; follows the value. */
 function useTyped(value: string): [string, (typed: string) => void] {
-  const [typed, setTyped] = useState(value);
-  useEffect(() => setTyped(value), [value]);
-  return [typed, setTyped];
+  const [last, setLast] = useState({ value, typed: value });
+  if (last.value !== value) setLast({ value, typed: value });
+  return [last.value === value ? last.typed : value, (typed) => setLast({ value, typed })];
 }
 
 /** "25 mm" -> 25, mm. A length without a unit is in metres, as in the file; words, and what is missing, have none. */

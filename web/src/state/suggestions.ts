@@ -10,22 +10,23 @@ const found = signal<{ of: unknown; suggestions: Suggestions } | null>(null);
 /** Those found last: while new ones are looked for, they stay. */
 export const lastSuggestions = computed(() => found.value?.suggestions ?? null);
 
-// Those of the run with pictures that it does not have yet.
+// Those with pictures that the run does not have yet: of no run.
 effect(() => {
-  if (renewed.value) found.value = { of: run.peek(), suggestions: renewed.value };
+  if (renewed.value) found.value = { of: null, suggestions: renewed.value };
 });
 
 /** Of this very result: a run that is made again has others. */
 export const suggestionsOfRun = (): Suggestions | null => (found.value && found.value.of === run.value ? found.value.suggestions : null);
 
-/** Null where there are none, which is shown. */
+/** Null where there are none, which is shown. An answer that comes after those with newer pictures does not replace them. */
 export async function findSuggestions(): Promise<Suggestions | null> {
   const of = run.value;
-  if (!of) return null;
-  if (found.value?.of !== of) {
-    await attempt(async () => {
-      found.value = { of, suggestions: await ask<Suggestions>("POST", "/api/suggest", { run: of.run, count: 5 }) };
-    });
-  }
-  return suggestionsOfRun();
+  if (!of || found.value?.of === of) return suggestionsOfRun();
+  const before = renewed.value;
+  let suggestions: Suggestions | null = null;
+  await attempt(async () => {
+    suggestions = await ask<Suggestions>("POST", "/api/suggest", { run: of.run, count: 5 });
+    if (run.value === of && renewed.value === before) found.value = { of, suggestions };
+  });
+  return suggestions;
 }

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
 import { imagePath } from "../api/client";
+import type { Suggestions } from "../api/types";
 import type { CameraResult } from "../base/calibration";
 import { Plane } from "../image/plane";
 import { Cameras, Now } from "../live/cameras";
@@ -31,6 +32,9 @@ function LastImage() {
 
 /** Frames and sigma while images arrive, the newest last. */
 const course = signal<{ frames: number; sigma: number | null }[]>([]);
+const goOn = ({ frames, sigma_now }: Suggestions): void => {
+  course.value = [...course.value.filter((each) => each.frames !== frames), { frames, sigma: sigma_now }];
+};
 
 function Watching() {
   const watching = project.value?.watching ?? false;
@@ -76,7 +80,7 @@ function Suggested() {
     if (number === null || run.value?.run !== number) return;
     setBusy(true);
     void findSuggestions().then((suggested) => {
-      if (suggested && project.value?.watching) course.value = [...course.value, { frames: suggested.frames, sigma: suggested.sigma_now }];
+      if (suggested && project.value?.watching) goOn(suggested);
       setBusy(false);
     });
   }, [run.value]);

@@ -82,18 +82,13 @@ interface Editor {
 }
 
 function TextEditor({ title, text, save, onChanged }: Editor) {
-  const [mine, setMine] = useState(text);
-  // The text of the file to which the changes were made.
-  const [base, setBase] = useState(text);
-  const take = (other: string): void => {
-    setMine(other);
-    setBase(other);
-  };
-  useEffect(() => {
-    // A text that was not touched follows the file.
-    if (mine === base || mine === text) take(text);
-  }, [text]);
-  const changed = mine !== base;
+  // What is typed, and the text of the file that it changes.
+  const [edit, setEdit] = useState({ mine: text, base: text });
+  const take = (other: string): void => setEdit({ mine: other, base: other });
+  const changed = edit.mine !== edit.base && edit.mine !== text;
+  // A text that was not touched follows the file, at once: an effect comes after the fields have changed.
+  if (!changed && edit.base !== text) take(text);
+  const { mine, base } = changed ? edit : { mine: text, base: text };
   const conflict = changed && text !== base;
   useEffect(() => onChanged(changed), [changed]);
   return (
@@ -104,7 +99,7 @@ function TextEditor({ title, text, save, onChanged }: Editor) {
         spellcheck={false}
         rows={Math.min(30, mine.split("\n").length + 1)}
         value={mine}
-        onInput={(event) => setMine(event.currentTarget.value)}
+        onInput={(event) => setEdit({ mine: event.currentTarget.value, base })}
       />
       {conflict && (
         <div class="problem" role="alert">
@@ -112,7 +107,7 @@ function TextEditor({ title, text, save, onChanged }: Editor) {
           <pre>{text}</pre>
           <div class="row">
             <button onClick={() => take(text)}>Take the new text</button>
-            <button onClick={() => setBase(text)}>Keep mine</button>
+            <button onClick={() => setEdit({ mine, base: text })}>Keep mine</button>
           </div>
         </div>
       )}
