@@ -4,9 +4,10 @@
 
     bench/mutants assess/missing calib/noise --work /tmp/mutants
     bench/mutants calib/prior --work /tmp/mutants --count 40 --seed 2 --tests '^(calib|engine)/'
+    bench/mutants apps/cli,detectors,targets --work /tmp/mutants --count 300 --units 80 --slow
     bench/mutants --mistakes 20 --work /tmp/mutants --seed 7   # made by hand: a wrong unit, a dropped covariance, ...
 
-A room is a folder of the source tree. A seeded sample of the places in its functions that can be changed is compiled, all
+A room is a folder of the source tree, or several folders and files, joined by commas. A seeded sample of the places in its functions that can be changed is compiled, all
 behind switches, into the tests of a copy of the tree, in the folder --work. Each test runs once without a mutant, which
 tells the places that it reaches. Then each mutant is switched on, and the tests that reach it run, quickest first, until one
 fails or takes ten times its time and 10 s more. A mutant that passes them is a survivor: no test notices the change.
@@ -75,6 +76,16 @@ def parse(paths, words):
     if errors:
         raise common.Failed(f"{errors[0].location.file}:{errors[0].location.line}: {errors[0].spelling}")
     return unit
+
+
+def find_points(words, paths):
+    """Finders of sources that one unit includes; none of a unit that libclang cannot read."""
+    try:
+        unit = parse(paths, words)
+    except common.Failed as error:
+        print(f"left out: {', '.join(path.name for path in paths)}: {error}", file=sys.stderr)
+        return []
+    return [mutation_points.Finder(path, unit) for path in paths]
 
 
 def write_compiled(words, sources, points):
@@ -189,16 +200,19 @@ def by_unity(paths, entries):
 
 def choose(room, first, options, entries):
     """Of a room: the sampled points that compile, numbered from `first`, and how many it has; its files are written with them."""
-    unities = by_unity(sorted((options.work / room).rglob("*.cc")), entries)
-    finders = []
-    for words, paths in unities:
-        unit = parse(paths, words)
-        finders += [mutation_points.Finder(path, unit) for path in paths]
+    names = [options.work / name for name in room.split(",")]
+    unities = by_unity(sorted(path for name in names for path in ([name] if name.is_file() else name.rglob("*.cc"))), entries)
+    draw = random.Random(f"{options.seed} {room}")
+    if options.units:
+        unities = draw.sample(unities, min(len(unities), options.units))
+    with concurrent.futures.ProcessPoolExecutor(options.jobs) as pool:
+        finders = [finder for own in pool.map(find_points, *zip(*unities)) for finder in own]
     points = [point for finder in finders for point in finder.points]
-    sample = random.Random(f"{options.seed} {room}").sample(points, min(len(points), sampled_of(options.count)))
-    compiled = dict(enumerate(sample, first))
+    compiled = dict(enumerate(draw.sample(points, min(len(points), sampled_of(options.count))), first))
+    changed = {point.path for point in compiled.values()}
     for words, paths in unities:
-        compiled = write_compiled(words, {finder.path: finder.source for finder in finders if finder.path in paths}, compiled)
+        if changed.intersection(paths):
+            compiled = write_compiled(words, {finder.path: finder.source for finder in finders if finder.path in paths}, compiled)
     compiled = dict(sorted(compiled.items()))
     return dict(list(compiled.items())[:options.count]), len(points)
 
@@ -239,6 +253,7 @@ def main():
     parser.add_argument("--mistakes", type=int, default=0, metavar="N", help="no rooms but N of the mistakes of robustness/mistakes.py")
     parser.add_argument("--work", type=pathlib.Path, required=True, help="folder of the copy, which is kept for the next run")
     parser.add_argument("--count", type=int, default=100, help="mutants of a room")
+    parser.add_argument("--units", type=int, default=0, metavar="N", help="translation units drawn from a room; 0: all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=60, help="of tests of one mutant; it survives when they are over")
     parser.add_argument("--tests", default="", help="expression that the tests' names match")
