@@ -514,10 +514,13 @@ TEST_F(Rigs, RobotPosesGiveTheMountAndNameTheirMistakes) {
   EXPECT_NEAR(result["scale"].as<double>(), 1, 1e-3);
   EXPECT_EQ(result["calibration_errors"].as<std::string>(), "included");
   ExpectNoNan(result);
+  EXPECT_THAT(found.out, HasSubstr("lengths from outside are 1.000"));
   // Without the points nothing is known of the errors of the calibration's poses.
   std::filesystem::rename(Path("a/out/residuals.csv"), Path("a/residuals.csv"));
   const Outcome poses_only = Run({"handeye", "a/out", "--poses", "robot.csv", "-o", "few.yaml"});
   ASSERT_EQ(poses_only.status, kDone) << poses_only.err;
+  EXPECT_EQ(YAML::LoadFile(Path("few.yaml"))["scale"].as<double>(), 1);  // held without --scale
+  EXPECT_EQ(YAML::LoadFile(Path("few.yaml"))["sigma_scale"].as<double>(), 0);
   EXPECT_THAT(poses_only.out, HasSubstr("standard errors leave out those of the calibration: "));
   EXPECT_EQ(YAML::LoadFile(Path("few.yaml"))["calibration_errors"].as<std::string>(), "left_out");
   std::filesystem::rename(Path("a/residuals.csv"), Path("a/out/residuals.csv"));

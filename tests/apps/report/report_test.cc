@@ -14,7 +14,9 @@
 #include <regex>
 
 #include "apps/report/page_text.h"
+#include "calib/camera/marker_id.h"
 #include "engine/session/calibration_folder.h"
+#include "models/registry.h"
 #include "tests/apps/calibration_schema.h"
 #include "tests/apps/chessboard_images.h"
 
@@ -156,6 +158,47 @@ TEST_F(Report, HoldsTheFiguresOfTheCalibration) {
               HasSubstr(kHasScript ? "default-src 'none'; script-src 'sha256-"
                                    : "default-src 'none'; style-src"));
   EXPECT_THAT(Read("out/report.html"), Not(HasSubstr("src=\"http")));
+}
+
+// Two cameras, two targets, four frames: the first camera sees both targets in the frames 0 and 1, the
+// second one the second target in 1 and 2, and the first target in 3 by rejected points alone.
+TEST(ReportOfARecord, CountsTheFramesInWhichCamerasSeeTargets) {
+  CalibrationRecord record;
+  for (const char* name : {"floor", "wall"}) record.targets.emplace_back().name = name;
+  for (int f = 0; f < 4; ++f) {
+    record.frames.push_back({fmt::format("f{}", f), {Eigen::Matrix3d::Identity(), {0, 0, -2}}});
+  }
+  for (const size_t target : {size_t{0}, size_t{1}}) {
+    for (int k = 0; k < 4; ++k) {
+      record.markers[MarkerId{target, k}.Number()].position = {0.1 * k, 0.1 * (k % 2), 0};
+    }
+  }
+  const auto see = [&](size_t c, size_t target, int frame, bool used) {
+    for (int k = 0; k < 4; ++k) {
+      record.cameras[c].residuals.push_back({.frame = frame,
+                                             .marker = MarkerId{target, k}.Number(),
+                                             .values = {320.0 + 25 * k, 240},
+                                             .residual = {0.1, 0},
+                                             .used = used});
+    }
+  };
+  for (const char* name : {"left", "right"}) {
+    CalibratedCamera& camera = record.cameras.emplace_back();
+    camera.name = name;
+    camera.model = FindModel(CameraModels(), "pinhole");
+    camera.image_size = {640, 480};
+    camera.params = {500, 500, 320, 240};
+    camera.covariance = Eigen::Matrix4d::Zero();
+  }
+  for (const int frame : {0, 1}) {
+    for (const size_t target : {size_t{0}, size_t{1}}) see(0, target, frame, true);
+  }
+  for (const int frame : {1, 2}) see(1, 1, frame, true);
+  see(1, 0, 3, false);
+  const Json sightings = DataIn(ReportHtml(record, {}))["sightings"];
+  EXPECT_EQ(sightings["targets"], Json({"floor", "wall"}));
+  EXPECT_EQ(sightings["seen"], Json::parse("[[2, 2], [0, 2]]"));
+  EXPECT_EQ(sightings["common"], Json::parse("[[2, 1], [1, 2]]"));
 }
 
 TEST_F(Report, IsWrittenAgainFromTheFilesAlone) {

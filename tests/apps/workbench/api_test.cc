@@ -267,6 +267,18 @@ TEST_F(ApiOfAFolder, TakesImagesOfASessionsCamera) {
   EXPECT_FALSE(fs::exists(folder_ / "outside/f.png"));
 }
 
+TEST_F(ApiOfAFolder, TellsAllPagesOfAChange) {
+  size_t seen = events_.Last();
+  const std::string hash = Json::parse(Ask("GET", {"session"}).body)["hash"];
+  EXPECT_EQ(events_.After(&seen), "");
+  const std::string text = std::string(kSession) + "# changed\n";
+  const Json changed = Json::parse(Ask("PUT", {"session"}, Json{{"text", text}}.dump()).body);
+  EXPECT_EQ(changed["text"], text);
+  EXPECT_NE(changed["hash"], hash);
+  EXPECT_THAT(events_.After(&seen),
+              HasSubstr("event: session\ndata: " + Json{{"hash", changed["hash"]}}.dump()));
+}
+
 TEST_F(ApiOfAFolder, ChangesValuesByFields) {
   const auto set = [&](const char* of, const Json& path, const char* value) {
     return Ask(

@@ -20,6 +20,31 @@ TEST(Counted, HasTheSingularForOneOnly) {
   EXPECT_EQ(Counted(3, "micro lens", "micro lenses"), "3 micro lenses");
 }
 
+TEST(ParseLength, TakesASignOnce) {
+  EXPECT_EQ(ParseLength("+2 m").value().metres, 2);
+  EXPECT_EQ(ParseLength("-2 m").value().metres, -2);
+  EXPECT_EQ(ParseLength("+5").value().metres, 5);
+  EXPECT_FALSE(ParseLength("+-2 m"));
+  EXPECT_FALSE(ParseLength("++2 m"));
+  EXPECT_FALSE(ParseLength("+"));
+}
+
+TEST(ParseLength, KnowsTheUnits) {
+  const auto metres = [](const char* text) { return ParseLength(text).value().metres; };
+  EXPECT_DOUBLE_EQ(metres("25 mm"), 0.025);
+  EXPECT_DOUBLE_EQ(metres("2.5cm"), 0.025);
+  EXPECT_DOUBLE_EQ(metres("5 um"), 5e-6);
+  EXPECT_DOUBLE_EQ(metres("5 \u00b5m"), 5e-6);
+  EXPECT_DOUBLE_EQ(metres("5 \u03bcm"), 5e-6);
+  EXPECT_DOUBLE_EQ(metres("5 nm"), 5e-9);
+  EXPECT_DOUBLE_EQ(metres("2 in"), 0.0508);
+  EXPECT_DOUBLE_EQ(metres("2 inch"), 0.0508);
+  EXPECT_TRUE(ParseLength("1 m").value().has_unit);
+  EXPECT_FALSE(ParseLength("1").value().has_unit);
+  for (const char* text : {"", "m", "1 km", "inf", "nan m", "1 m m", "1 2"})
+    EXPECT_FALSE(ParseLength(text)) << text;
+}
+
 std::string Fixed(double value, int decimals) {
   std::string text;
   AppendFixed(value, decimals, &text);
