@@ -30,7 +30,7 @@ struct DenseProblem {
   }
   [[nodiscard]] Eigen::Index Size() const { return OfJitter(bundle.jitter.delta.size()); }
 
-  /// All residuals in units of their sigmas after a step: jitter, observations, markers.
+  /// All residuals in units of their sigmas after a step: jitter, observations, markers, distances.
   Eigen::VectorXd Residuals(const Eigen::VectorXd& step) {
     Bundle moved = bundle;
     Move(layout, step.head(layout.total), &moved);
@@ -62,6 +62,16 @@ struct DenseProblem {
                                 (moved.markers[m].position - moved.Expected(static_cast<int>(m))) /
                                 std::sqrt(moved.marker_freedom.Variance());
       all.insert(all.end(), d.begin(), d.end());
+    }
+    for (const MarkerDistance& distance : moved.distances) {
+      EXPECT_EQ(distance.common_sigma, 0);
+      const auto middle = [&](const std::vector<int>& markers) {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (const int m : markers) sum += moved.markers[static_cast<size_t>(m)].position;
+        return Eigen::Vector3d(sum / static_cast<double>(markers.size()));
+      };
+      const double length = (middle(distance.markers_a) - middle(distance.markers_b)).norm();
+      all.push_back((length - distance.length) / distance.sigma);
     }
     cameras.resize(all.size(), -1);
     return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));

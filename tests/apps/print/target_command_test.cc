@@ -102,6 +102,55 @@ TEST_F(TargetCommand, PrintsBoardsThatAreFoundAtTheirTrueSize) {
   }
 }
 
+// Columns of a page that are dark in the row `y`, mm, as whole mm.
+std::vector<int> DarkAt(const cv::Mat& page, double y, double dpi) {
+  const double scale = dpi / 25.4;
+  std::vector<int> places;
+  for (int x = 0; x < page.cols; ++x) {
+    if (page.at<uchar>(static_cast<int>(scale * y), x) > 160) continue;
+    const int mm = static_cast<int>(std::lround(x / scale));
+    if (places.empty() || places.back() != mm) places.push_back(mm);
+  }
+  return places;
+}
+
+TEST_F(TargetCommand, HasARulerThatIsAsLongAsThePageAllows) {
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.0125\n");
+  ASSERT_EQ(Print("print.png", {"--dpi", "300"}).status, kDone);
+  const cv::Mat page = cv::imread(Path("print.png").string(), cv::IMREAD_GRAYSCALE);
+  // 9 x 6 squares, 112.5 x 75 mm, and their white border.
+  const double width = page.cols * 25.4 / 300, height = page.rows * 25.4 / 300;
+  const int length = static_cast<int>((width - 20) / 10) * 10;
+  const double y = height - 12;
+  std::vector<int> fives, tens, fifties;
+  for (int mm = 0; mm <= length; mm += 5) {
+    fives.push_back(10 + mm);
+    if (mm % 10 == 0) tens.push_back(10 + mm);
+    if (mm % 50 == 0) fifties.push_back(10 + mm);
+  }
+  EXPECT_EQ(DarkAt(page, y - 1.2, 300), fives);
+  EXPECT_EQ(DarkAt(page, y - 2.1, 300), tens);
+  EXPECT_EQ(DarkAt(page, y - 3.2, 300), fifties);
+  EXPECT_TRUE(DarkAt(page, y - 4.3, 300).empty());
+}
+
+TEST_F(TargetCommand, MarksWhereSheetsAreCut) {
+  Write("target.yaml", "plenocal: 1\ntype: chessboard\ncolumns: 8\nrows: 5\nsquare: 0.03\n");
+  ASSERT_EQ(Print("print.png", {"--dpi", "300", "--paper", "a4"}).status, kDone);
+  const cv::Mat page = cv::imread(Path("print-1.png").string(), cv::IMREAD_GRAYSCALE);
+  // As wide as the paper allows, as high as the board with its white border of half a square.
+  const double width = page.cols * 25.4 / 300;
+  const int left = 10, right = static_cast<int>(std::lround(width - 10)),
+            bottom = 10 + 6 * 30 + 2 * 15;
+  EXPECT_EQ(DarkAt(page, 8, 300), (std::vector<int>{left, right}));
+  EXPECT_TRUE(DarkAt(page, 6.5, 300).empty());
+  EXPECT_EQ(DarkAt(page, bottom + 2.5, 300), (std::vector<int>{left, right}));
+  // The marks beside the rows, of the transposed page.
+  const cv::Mat across = page.t();
+  EXPECT_EQ(DarkAt(across, 8, 300), (std::vector<int>{10, bottom}));
+  EXPECT_TRUE(DarkAt(across, 6.5, 300).empty());
+}
+
 // Red numbers at the markers, blue axes that begin at the origin, neither without --numbers.
 TEST_F(TargetCommand, NumbersMarkersAndDrawsTheAxes) {
   constexpr double kMargin = 0.010;  // m

@@ -513,6 +513,18 @@ TEST(JointCovariance, TakesCorrelationsBetweenCamerasByName) {
   EXPECT_TRUE(joint == joint.transpose());
 }
 
+TEST_F(RecordFiles, RefuseValuesAtAndBeyondTheLimits) {
+  const Param param{.name = "a", .unit = "px", .lower = -1, .upper = 2};
+  const auto read = [&](const char* text) {
+    return ReadWithin(YamlNode::Parse(fmt::format("a: {}\n", text), "c.yaml").At("a"), param);
+  };
+  EXPECT_EQ(read("-0.5"), -0.5);
+  EXPECT_EQ(read("1.5"), 1.5);
+  for (const char* text : {"-1", "2", "-3", "4"}) {
+    EXPECT_THAT(MessageOf([&] { read(text); }), HasSubstr("is outside (-1, 2)")) << text;
+  }
+}
+
 TEST(FindCamera, TakesTheOnlyOneWithoutAName) {
   CalibrationRecord record = Record();
   record.path = "c.yaml";

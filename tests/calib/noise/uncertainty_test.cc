@@ -165,9 +165,8 @@ TEST(Uncertainty, SharesTheDegreesOfPosesAndJitterAmongTheViews) {
   EXPECT_LT(of_prior[0], 14);
 }
 
-TEST(Uncertainty, OfMarkersAndParametersIsTheInverseOfTheWholeNormalMatrix) {
-  Bundle bundle = ExactBundle({.frames = 5});
-  bundle.marker_freedom = MarkerFreedom::FromSigma(0.0005);
+// Against the inverse of the whole normal matrix.
+void ExpectInverse(const Bundle& bundle) {
   const Uncertainty uncertainty = EstimateUncertainty(bundle);
   testing::DenseProblem dense{bundle};
   dense.Differentiate();
@@ -181,6 +180,19 @@ TEST(Uncertainty, OfMarkersAndParametersIsTheInverseOfTheWholeNormalMatrix) {
     const Eigen::Vector3d expected = sigma.segment<3>(dense.layout.Marker(static_cast<int>(m)));
     EXPECT_LT((uncertainty.marker_std_errors[m] - expected).norm(), 1e-4 * expected.norm()) << m;
   }
+}
+
+TEST(Uncertainty, OfMarkersAndParametersIsTheInverseOfTheWholeNormalMatrix) {
+  Bundle bundle = ExactBundle({.frames = 5});
+  bundle.marker_freedom = MarkerFreedom::FromSigma(0.0005);
+  ExpectInverse(bundle);
+  // A distance between two middles that is known better than the markers are.
+  const double sigma = 2e-5;
+  MarkerDistance distance{.markers_a = {0, 1}, .markers_b = {68, 69}, .sigma = sigma};
+  const auto at = [&](size_t m) { return bundle.markers[m].position; };
+  distance.length = ((at(0) + at(1)) / 2 - (at(68) + at(69)) / 2).norm();
+  bundle.distances = {distance};
+  ExpectInverse(bundle);
 }
 
 TEST(Uncertainty, CombinesPriorsAsOneMoreObservation) {
