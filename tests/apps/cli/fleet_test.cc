@@ -110,6 +110,37 @@ TEST_F(Fleet, OverviewNamesARigThatHasDrifted) {
   EXPECT_THAT(page(), HasSubstr("use the new calibration: it differs from the one before by"));
 }
 
+TEST_F(Fleet, OverviewDrawsTheDriftOfEachDate) {
+  const fs::path first = "R/able/2026-01";
+  ASSERT_EQ(Run({"calibrate",
+                 "sets/able/2026-01/session.yaml",
+                 "-o",
+                 (first / "result").string(),
+                 "--no-report"})
+                .status,
+            kDone);
+  Write((first / "status.txt").string(), "0\n");
+  const auto add = [&](const std::string& date, const std::string& compared) {
+    fs::copy(Path("sets/able/2026-01"), Path("sets/able/" + date));
+    fs::copy(Path(first.string()), Path("R/able/" + date), fs::copy_options::recursive);
+    fs::create_directories(Path("R/able/" + date + "/compare"));
+    Write("R/able/" + date + "/compare/compare.csv", "part,rms,differs\n" + compared);
+  };
+  add("2026-02", "all,0.1,\nmiddle,9,0\nall,0.2,\n");  // of two cameras
+  add("2026-03", "all,0.4,\nmiddle,0.5,1\n");
+  ASSERT_EQ(Run({"fleet", "plan.yaml", "-o", "R", "--overview"}).status, kDone);
+  const std::string html = Read("R/overview.html");
+  EXPECT_THAT(html, HasSubstr("0.400 <svg width=\"42\" height=\"36\">"));
+  EXPECT_THAT(html,
+              HasSubstr("<rect x=\"14\" y=\"18.0\" width=\"12\" height=\"18.0\" class=\"within\">"
+                        "<title>2026-02: 0.200 px</title>"));
+  EXPECT_THAT(html,
+              HasSubstr("<rect x=\"28\" y=\"0.0\" width=\"12\" height=\"36.0\" class=\"beyond\">"
+                        "<title>2026-03: 0.400 px</title>"));
+  EXPECT_THAT(html, HasSubstr("use the new calibration: it differs from the one before by 0.4 px"));
+  EXPECT_THAT(html, HasSubstr("3 rigs, 5 calibrations"));
+}
+
 TEST_F(Fleet, AMistakeInThePlanIsNamed) {
   const auto refuse = [&](const std::string& from, const std::string& to, const char* part) {
     Write("wrong.yaml", Replaced(kPlan, from, to));

@@ -9,7 +9,9 @@
 
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "calib/camera/marker_id.h"
@@ -121,6 +123,22 @@ TEST(LinkTargets, ByMotionAboutOneAxisLeavesTheTranslationAlongItOpenAlone) {
   // 24 numbers, nearly independent.
   EXPECT_GT(rotation, 0.4);
   EXPECT_LT(rotation, 1.9);
+}
+
+TEST(LinkTargets, KeepsEachObservationOnce) {
+  const TwoWalls walls = Record(1, 0.1);
+  size_t count = 0;
+  for (const CameraInput& camera : walls.input.cameras) {
+    for (const View& view : camera.views) count += view.observations.size();
+  }
+  const Calibration calibration = Calibrate(walls.input, {});
+  EXPECT_EQ(calibration.bundle.observations.size(), count);
+  std::set<std::tuple<int, int, int>> seen;
+  for (const BundleObservation& each : calibration.bundle.observations) {
+    seen.emplace(each.camera, each.frame, each.marker);
+  }
+  EXPECT_EQ(seen.size(), count);
+  EXPECT_EQ(calibration.bundle.T_rig_target.size(), calibration.frames.size());
 }
 
 TEST(LinkTargets, ByMotionAboutNearlyOneAxisStatesTheErrorsThatSeedsShow) {
