@@ -144,6 +144,20 @@ TEST_F(AverageWhiteImagesTest, FullScaleIsThatOfTheBitsInUse) {
   EXPECT_EQ(AverageWhiteImages(images_, 1).full_scale, 16 * 4095);
 }
 
+TEST_F(AverageWhiteImagesTest, CountsSaturatedAndBlackPixels) {
+  for (int k = 0; k < 4; ++k) {
+    cv::Mat image = Sample([](int x, int y) { return 120 * FallOff(x, y); }, CV_8U, 1 + k);
+    image(cv::Rect(0, 0, 10, 4)) = 255;
+    if (k == 0) image(cv::Rect(20, 20, 6, 5)) = 0;
+    Add(image);
+  }
+  const WhiteImages white = AverageWhiteImages(images_, 1);
+  ASSERT_EQ(white.members.size(), 4);
+  const auto pixels = static_cast<double>(white.mean.total());
+  EXPECT_NEAR(white.saturated, 40 / pixels, 1e-9);
+  EXPECT_NEAR(white.black, 30 / pixels / 4, 1e-9);
+}
+
 TEST_F(AverageWhiteImagesTest, RefusesImagesWithNothingInCommon) {
   for (int k = 0; k < 6; ++k) {
     Add(Sample([k](int x, int y) { return 90 + 60 * std::sin(0.1 * (x + k * y) + k); }, CV_8U, 1));

@@ -116,6 +116,23 @@ TEST_F(PhotonTransferTest, NamesDefectivePixels) {
   }
 }
 
+// A mosaic whose colours differ fourfold in brightness: a defect is one beside pixels of its
+// colour.
+TEST_F(PhotonTransferTest, ComparesPixelsOfOneColour) {
+  Faults faults;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = y % 2; x < kWidth; x += 2) faults[{x, y}].offset = 1500;
+  }
+  faults[{40, 30}].offset -= 600;
+  faults[{41, 60}].offset += 600;
+  AddRaw(8, 500, faults);
+  const auto noise = Measure(BayerOrder::kRggb);
+  ASSERT_TRUE(noise);
+  std::vector<std::pair<int, int>> places;
+  for (const DefectivePixel& pixel : noise->defects) places.emplace_back(pixel.x, pixel.y);
+  EXPECT_THAT(places, ::testing::ElementsAre(std::pair(40, 30), std::pair(41, 60)));
+}
+
 TEST_F(PhotonTransferTest, ProcessedImagesDeviateFromTheLine) {
   AddRaw(8, 3000);
   for (const FrameImage& image : images_) {
