@@ -277,6 +277,17 @@ TEST_F(ViewsCommandLine, WritesViewsAndRefocusedImages) {
   }
   EXPECT_EQ(read, 12u);
   EXPECT_EQ(Files("out").size(), 9u + 3 + 2);
+  // The sheet has the views in rows.
+  const cv::Mat sheet = cv::imread(Path("out/views.png").string(), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(sheet.size(), cv::Size(600, 600));
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      const std::string name = fmt::format("out/view_{}_{}.png", row, column);
+      const cv::Mat view = cv::imread(Path(name).string(), cv::IMREAD_UNCHANGED);
+      const cv::Mat part = sheet(cv::Rect(200 * column, 200 * row, 200, 200));
+      EXPECT_EQ(cv::norm(view, part, cv::NORM_INF), 0) << name;
+    }
+  }
 }
 
 TEST_F(ViewsCommandLine, NeedsACalibrationForDistances) {

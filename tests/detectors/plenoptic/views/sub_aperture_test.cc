@@ -99,5 +99,23 @@ TEST(RefocusedImage, IsSharpAtItsDepthOnly) {
   }
 }
 
+// Half of the raw image has no micro lens.
+TEST(RefocusedImage, IsUnknownWhereNothingFalls) {
+  MicroLensArray array = Array(std::numbers::pi / 3);
+  std::erase_if(array.lenses, [](const MicroLens& lens) { return lens.centre.x() > 120; });
+  const ViewGrid grid = MakeViewGrid(kSize, 1);
+  const LensPatches patches = Patches(array, 1);
+  const cv::Mat refocused = RefocusedImage(patches, array, 1, grid),
+                view = SubApertureImage(patches, MicroLensIndex(array), {0, 0}, grid);
+  for (const cv::Mat& image : {refocused, view}) {
+    const auto known = [&](int from, int to) {
+      const cv::Mat part = image(cv::Range(60, kSize[1] - 60), cv::Range(from, to));
+      return cv::mean(part == part)[0] / 255;  // NaN != NaN
+    };
+    EXPECT_GT(known(60, 90), 0.7);  // but for gaps between micro images
+    EXPECT_EQ(known(145, kSize[0]), 0);
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::internal
