@@ -181,6 +181,24 @@ TEST_F(Exchange, ThePoseBetweenTwoCamerasComesBack) {
   }
 }
 
+TEST_F(Exchange, MatricesOfRosAreThoseOfACameraWithoutSkew) {
+  const YAML::Node camera = YAML::Load(kStereo)["cameras"]["right"];
+  const auto param = [&](const char* name) { return camera["parameters"][name].as<double>(); };
+  const double f_x = param("f_x"), f_y = param("f_y"), c_x = param("c_x"), c_y = param("c_y");
+  const YAML::Node file = YAML::Load(Export("ros", "right"));
+  const auto data = [&](const char* key) { return file[key]["data"].as<std::vector<double>>(); };
+  EXPECT_EQ(data("camera_matrix"), (std::vector<double>{f_x, 0, c_x, 0, f_y, c_y, 0, 0, 1}));
+  EXPECT_EQ(data("rectification_matrix"), (std::vector<double>{1, 0, 0, 0, 1, 0, 0, 0, 1}));
+  EXPECT_EQ(data("projection_matrix"),
+            (std::vector<double>{f_x, 0, c_x, 0, 0, f_y, c_y, 0, 0, 0, 1, 0}));
+  for (const auto& [key, rows, columns] : {std::tuple("camera_matrix", 3, 3),
+                                           {"rectification_matrix", 3, 3},
+                                           {"projection_matrix", 3, 4}}) {
+    EXPECT_EQ(file[key]["rows"].as<int>(), rows);
+    EXPECT_EQ(file[key]["cols"].as<int>(), columns);
+  }
+}
+
 TEST_F(Exchange, RectifiedPairsOfRosAndOrbSlam2AreThoseOfOpenCv) {
   ASSERT_EQ(Run({"export", "calibration.yaml", "--format", "ros", "-o", "ros.yaml"}).status, kDone);
   Export("orbslam2");
