@@ -318,13 +318,13 @@ class Predictor {
     if (made_.has_depth) FindLargestPart();
     FindScale();
     const double last = made_.distances.back().distance;
-    if (made_.beyond && last > *made_.beyond) {
+    if (made_.has_depth && made_.distances.back().relative > 1 / kLeastDistance) {
       Add({.code = "accuracy_far",
            .grade = Grade::kUsable,
            .what = fmt::format(
-               "Beyond {:.3g} m the inverse distance of a point is less than three of its "
+               "From {:.3g} m on the inverse distance of a point is less than three of its "
                "standard errors: only a least distance is known there.",
-               *made_.beyond),
+               made_.beyond.value_or(made_.distances.front().distance)),
            .remedy = made_.cameras.size() > 1 ? "Use a longer base or a longer focal length."
                                               : "Use a longer focal length."});
     }

@@ -154,6 +154,64 @@ TEST(Accuracy, OneOrdinaryCameraHasLateralErrorsAtAKnownDistance) {
   EXPECT_NEAR(cell.across->calibration, 0.1 * 0.8 / kFocal, 1e-3 * cell.across->calibration);
 }
 
+std::vector<std::string> CodesOf(const RigAccuracy& made) {
+  std::vector<std::string> codes;
+  for (const Finding& finding : made.findings) {
+    codes.push_back(finding.code);
+    EXPECT_EQ(finding.cameras, made.cameras);
+    EXPECT_FALSE(finding.remedy.empty());
+  }
+  return codes;
+}
+
+TEST(Accuracy, NamesTheLargestPartAndHowToLowerIt) {
+  using ::testing::ElementsAre;
+  using ::testing::HasSubstr;
+  // Noise of 1.77 mm at 1 m; a base wrong by a thousandth moves z by 1 mm there, by 6 mm half of
+  // it.
+  const auto find = [](double relative_base) {
+    return Predicted(ParallelPair({.sigma_base = relative_base * kBase}), {.distances = {2}});
+  };
+  const double noise = 4 / (kFocal * kBase) * std::sqrt(2) * kNoise;
+  const RigAccuracy noisy = find(0.2 * noise);
+  EXPECT_THAT(CodesOf(noisy), ElementsAre("accuracy_noise"));
+  EXPECT_THAT(noisy.findings[0].what, HasSubstr("At 2 m sigma of z is "));
+  EXPECT_THAT(noisy.findings[0].what, HasSubstr(", of which noise makes 3.5 mm."));
+  // (1 / 0.4)^2 = 6.25 frames.
+  EXPECT_THAT(noisy.findings[0].remedy, HasSubstr("Average frames of what is at rest: 7 bring"));
+  EXPECT_THAT(noisy.findings[0].remedy, HasSubstr("use a longer base"));
+  const RigAccuracy uncertain = find(noise);
+  EXPECT_THAT(CodesOf(uncertain), ElementsAre("accuracy_calibration"));
+  EXPECT_THAT(uncertain.findings[0].what, HasSubstr(", of which the calibration makes 7.1 mm."));
+  EXPECT_THAT(uncertain.findings[0].remedy, HasSubstr("depth@2m"));
+}
+
+TEST(Accuracy, NamesDistancesAtWhichNothingIsKnown) {
+  using ::testing::Contains;
+  using ::testing::Not;
+  CalibrationRecord record = ParallelPair({.sigma_base = 1e-9});
+  // beyond = f base / (3 sqrt(2) noise) = 377 m.
+  EXPECT_THAT(CodesOf(Predicted(record, {.distances = {360}})), Not(Contains("accuracy_far")));
+  EXPECT_THAT(CodesOf(Predicted(record, {.distances = {400}})), Contains("accuracy_far"));
+  // Markers at 1 to 2 m.
+  record.frames.push_back({"frame", {}});
+  for (int m = 0; m < 4; ++m) {
+    record.markers[m].position = {0.1 * m, 0.1 * (m % 2), 1.0 + m / 3.0};
+    for (CalibratedCamera& camera : record.cameras) {
+      camera.residuals.push_back({.frame = 0, .marker = m, .values = {320, 240}, .used = true});
+    }
+  }
+  const RigAccuracy made = Predicted(record, {});
+  std::vector<double> distances;
+  for (const AccuracyAtDistance& at : made.distances) distances.push_back(at.distance);
+  EXPECT_THAT(distances, ::testing::ElementsAre(1, 2, 4, 10, 20));
+  EXPECT_THAT(CodesOf(made), Contains("accuracy_extrapolated"));
+  EXPECT_THAT(CodesOf(Predicted(record, {.distances = {2, 3}})),
+              Not(Contains("accuracy_extrapolated")));
+  record.findings.push_back({.code = "residual_pattern"});
+  EXPECT_THAT(CodesOf(Predicted(record, {.distances = {2}})), Contains("accuracy_model"));
+}
+
 TEST(Accuracy, RefusesWhatHasNoStandardErrorsOrNoDistances) {
   using ::testing::HasSubstr;
   const auto refuses = [](const CalibrationRecord& record, const AccuracyOptions& options) {
