@@ -34,10 +34,12 @@ class DiscImage {
   [[nodiscard]] const Eigen::Vector2d& Truth() const { return truth_; }
 
   /// The fit from a position that is `error` px off. Pixels to the right of `dark` px from the
-  /// centre have 0.7 of the light, less than the fit uses.
+  /// centre have 0.7 of the light, less than the fit uses. `stated_noise`: sigma that the fit is
+  /// told.
   [[nodiscard]] std::optional<TemplateFit> Fit(unsigned seed,
                                                const Eigen::Vector2d& error,
-                                               double dark = 100) const {
+                                               double dark = 100,
+                                               double stated_noise = kNoise) const {
     constexpr int kSamples = 16;
     std::mt19937 random(seed);
     std::normal_distribution<double> normal(0, kNoise);
@@ -67,7 +69,8 @@ class DiscImage {
     expected.cells_by_raw(2, 2) = 1;
     const MarkerTemplate marker{.cells_by_image = {}, .pattern = DiscTemplate(1)};
     const FitPriors priors{{0.5, 0.3}, ShapePrior(marker), 1};
-    return FitTemplate(marker, expected, patches, {static_cast<float>(kNoise * kNoise), 0}, priors);
+    const SensorNoise noise{static_cast<float>(stated_noise * stated_noise), 0};
+    return FitTemplate(marker, expected, patches, noise, priors);
   }
 
  private:
@@ -113,6 +116,22 @@ TEST(FitTemplate, HasTheSigmaOfItsScatter) {
   EXPECT_GT(scatter, 0.6 * sigmas / kRuns);
   // A Gaussian blur is not quite that of a square pixel.
   EXPECT_LT(mean.norm(), 0.015);
+}
+
+TEST(FitTemplate, HasTheSigmaOfItsResidualsWhereTheyAreLarger) {
+  const DiscImage image(3);
+  double ratios[2] = {0, 0};
+  constexpr int kRuns = 30;
+  for (unsigned run = 0; run < kRuns; ++run) {
+    const auto right = image.Fit(run, {0.2, 0.1}),
+               less = image.Fit(run, {0.2, 0.1}, 100, kNoise / 4),
+               more = image.Fit(run, {0.2, 0.1}, 100, 4 * kNoise);
+    ASSERT_TRUE(right && less && more);
+    ratios[0] += less->sigma / right->sigma / kRuns;
+    ratios[1] += more->sigma / right->sigma / kRuns;
+  }
+  EXPECT_NEAR(ratios[0], 1, 0.15);
+  EXPECT_NEAR(ratios[1], 4, 0.6);
 }
 
 TEST(FitTemplate, StartsFromTheSamePlaceOrNowhere) {
