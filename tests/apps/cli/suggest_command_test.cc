@@ -45,6 +45,18 @@ TEST_F(SuggestCommand, SuggestsFromACalibrationAndFromItsSessionTheSame) {
   EXPECT_LT(view["sigma_after"].get<double>(), view["sigma_before"].get<double>());
   EXPECT_EQ(view["sigma_before"], a["sigma_now"]);
   EXPECT_EQ(view["T_camera_target"], view["T_rig_target"]);
+  ASSERT_EQ(view["T_rig_target"].size(), 4u);
+  EXPECT_EQ(view["T_rig_target"][3], nlohmann::json({0, 0, 0, 1}));
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      double product = 0;
+      for (int k = 0; k < 3; ++k) {
+        product +=
+            view["T_rig_target"][i][k].get<double>() * view["T_rig_target"][j][k].get<double>();
+      }
+      EXPECT_NEAR(product, i == j ? 1 : 0, 1e-9);
+    }
+  }
   EXPECT_GE(view["outline"]["cam0"][0].size(), 20u);
 }
 
