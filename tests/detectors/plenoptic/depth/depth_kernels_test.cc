@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "calib/base/robust.h"
-#include "tests/calib/random.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -18,9 +18,20 @@ namespace TEST_FILE {
 constexpr int kSize = 24;
 const float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
+class Random {
+ public:
+  explicit Random(unsigned seed) : engine_(seed) {}
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
 // Grey values with a share of unknown ones.
 std::vector<float> Patch(unsigned seed, double unknown = 0) {
-  testing::Random random(seed);
+  Random random(seed);
   std::vector<float> patch(kSize * kSize + 16);
   for (float& value : patch) {
     value = static_cast<float>(random.Uniform(10, 200));
@@ -65,7 +76,7 @@ TEST(FindTexture, IsWhereTheGradientExceedsTheNoise) {
 
 TEST(RemoveDisplacement, IsTheDisplacementAlongTheSlopeOfTheAttenuation) {
   const std::vector<float> displaced = Patch(2, 0.1);
-  testing::Random random(3);
+  Random random(3);
   std::vector<float> attenuation(displaced.size()), z(kSize);
   for (float& v : attenuation) v = static_cast<float>(random.Uniform(0.4, 1));
   for (float& each : z) each = static_cast<float>(random.Uniform(-0.3, 0.3));
@@ -142,7 +153,7 @@ TEST(AddDifferences, AddsWhereBothPatchesAreKnown) {
 
 TEST(WindowMeans, AreThoseOfThreeByThreePixels) {
   const std::vector<float> cost = Patch(6);
-  testing::Random random(7);
+  Random random(7);
   std::vector<float> count(cost.size());
   for (float& each : count) each = std::floor(static_cast<float>(random.Uniform(0, 3)));
   const std::vector<PatchBlock> blocks{{1, 2, 9}, {9, 0, 5}};
@@ -181,7 +192,7 @@ TEST(AddEquations, AreTheNormalEquationsOfTheDefinition) {
                          .baseline_y = -14,
                          .defocus = {0.4F, -0.9F},
                          .misfit = 0.02F};
-  testing::Random random(9);
+  Random random(9);
   TexturedPixels pixels;
   constexpr int kPixels = 200;
   for (int i = 0; i < kPixels; ++i) {
@@ -265,7 +276,7 @@ TEST(TexturedPixels, KeepsTheFlaggedOnes) {
 }
 
 TEST(SumWindow, IsOfTheDepthsThatAgreeWithTheMiddleOne) {
-  testing::Random random(10);
+  Random random(10);
   constexpr int kStride = 20;
   for (const int size : {3, 5, 8}) {
     std::vector<float> z(kStride * 10), information(z.size());
