@@ -33,6 +33,8 @@ std::vector<Blob> FindManyBlobs(const cv::Mat& gray, bool bright) {
   return blobs;
 }
 
+constexpr double kOff = 0.35;  // of a step between blobs: farther off its place it is another one
+
 /// A blob between two others that are as large and evenly spaced.
 struct Between {
   std::size_t before = 0, after = 0;
@@ -102,14 +104,38 @@ std::vector<std::set<std::size_t>> LinksOf(const Crosses& crosses) {
   return links;
 }
 
-using Place = std::pair<int, int>;
+/// Blobs by their place on the lattice.
+using Places = std::map<std::pair<int, int>, std::size_t>;
 
-/// Places on the lattice of all blobs that are linked to `seed`, directly or not.
-std::set<Place> NumberFrom(const std::vector<Blob>& blobs,
-                           const Crosses& crosses,
-                           const std::vector<std::set<std::size_t>>& links,
-                           std::size_t seed,
-                           std::vector<bool>* done) {
+/// Adds blobs that complete a parallelogram of three: those at the corners of a grid are in no
+/// cross.
+void AddCorners(const std::vector<Blob>& blobs, Places* places, std::vector<bool>* done) {
+  const Places linked = *places;
+  for (const auto& [place, blob] : linked) {
+    for (const auto& [dx, dy] : {std::pair(-1, -1), {-1, 1}, {1, -1}, {1, 1}}) {
+      const auto beside = linked.find({place.first + dx, place.second}),
+                 below = linked.find({place.first, place.second + dy});
+      const std::pair corner(place.first + dx, place.second + dy);
+      if (beside == linked.end() || below == linked.end() || places->contains(corner)) continue;
+      const Eigen::Vector2d u = blobs[beside->second].p - blobs[blob].p,
+                            v = blobs[below->second].p - blobs[blob].p;
+      for (std::size_t j = 0; j < blobs.size(); ++j) {
+        const double off = (blobs[j].p - blobs[blob].p - u - v).norm();
+        if ((*done)[j] || off > kOff * std::min(u.norm(), v.norm())) continue;
+        (*done)[j] = true;
+        places->emplace(corner, j);
+        break;
+      }
+    }
+  }
+}
+
+/// Places of all blobs that are linked to `seed`, directly or not.
+Places NumberFrom(const std::vector<Blob>& blobs,
+                  const Crosses& crosses,
+                  const std::vector<std::set<std::size_t>>& links,
+                  std::size_t seed,
+                  std::vector<bool>* done) {
   struct Numbered {
     std::size_t blob;
     Eigen::Vector2i at;
@@ -122,15 +148,14 @@ std::set<Place> NumberFrom(const std::vector<Blob>& blobs,
   first.steps << half(crosses[seed][0]), half(crosses[seed][1]);
   std::vector<Numbered> numbered{first};
   (*done)[seed] = true;
-  std::set<Place> places;
+  Places places;
   for (std::size_t k = 0; k < numbered.size(); ++k) {
     const Numbered at = numbered[k];
-    places.insert({at.at.x(), at.at.y()});
+    places.emplace(std::pair(at.at.x(), at.at.y()), at.blob);
     for (const std::size_t next : links[at.blob]) {
       if ((*done)[next]) continue;
       const Eigen::Vector2d way = at.steps.inverse() * (blobs[next].p - blobs[at.blob].p);
       const Eigen::Vector2i step = way.array().round().cast<int>();
-      constexpr double kOff = 0.35;  // steps
       if (step.cwiseAbs().sum() != 1 || (way - step.cast<double>()).norm() > kOff) continue;
       (*done)[next] = true;
       Numbered entry{next, at.at + step, at.steps};
@@ -139,32 +164,37 @@ std::set<Place> NumberFrom(const std::vector<Blob>& blobs,
       numbered.push_back(entry);
     }
   }
+  AddCorners(blobs, &places, done);
   return places;
 }
 
-/// Width and height of the places' bounding box.
-Eigen::Vector2i Extent(const std::set<Place>& places) {
-  Eigen::Vector2i low(places.begin()->first, places.begin()->second), high = low;
-  for (const auto& [x, y] : places) {
-    low = low.cwiseMin(Eigen::Vector2i(x, y));
-    high = high.cwiseMax(Eigen::Vector2i(x, y));
+/// Width and height of the bounding box; REQUIRES: a place.
+Eigen::Vector2i Extent(const std::vector<Eigen::Vector2i>& places) {
+  Eigen::Vector2i low = places.front(), high = low;
+  for (const Eigen::Vector2i& place : places) {
+    low = low.cwiseMin(place);
+    high = high.cwiseMax(place);
   }
   return high - low + Eigen::Vector2i::Ones();
 }
 
-std::optional<BlobGrid> ShapeOf(const std::set<Place>& places) {
+std::optional<BlobGrid> ShapeOf(const Places& places) {
   constexpr double kFull = 0.85;
   constexpr int kFewest = 9;
   const auto count = static_cast<double>(places.size());
   if (count < kFewest) return std::nullopt;
-  const Eigen::Vector2i square = Extent(places);
+  // The nearest circles of an asymmetric grid are those of the next row.
+  std::vector<Eigen::Vector2i> straight, turned;
+  for (const auto& [place, blob] : places) {
+    const auto [x, y] = place;
+    straight.emplace_back(x, y);
+    turned.emplace_back(x + y, x - y);
+  }
+  const Eigen::Vector2i square = Extent(straight);
   if (count >= kFull * square.prod()) {
     if (square.minCoeff() < 3) return std::nullopt;
     return BlobGrid{square.maxCoeff(), square.minCoeff(), false};
   }
-  // The nearest circles of an asymmetric grid are those of the next row.
-  std::set<Place> turned;
-  for (const auto& [x, y] : places) turned.insert({x + y, x - y});
   const Eigen::Vector2i size = Extent(turned);
   if (2 * count < kFull * size.prod() || size.minCoeff() < 3) return std::nullopt;
   int twice_columns = size.minCoeff(), rows = size.maxCoeff();
@@ -189,7 +219,7 @@ std::vector<cv::KeyPoint> FindBlobs(const cv::Mat& gray, bool bright, float most
 }
 
 std::optional<BlobGrid> FindBlobGrid(const cv::Mat& gray) {
-  std::set<Place> largest;
+  Places largest;
   for (const bool bright : {false, true}) {
     const std::vector<Blob> blobs = FindManyBlobs(gray, bright);
     const Crosses crosses = FindCrosses(blobs);
@@ -197,7 +227,7 @@ std::optional<BlobGrid> FindBlobGrid(const cv::Mat& gray) {
     std::vector<bool> done(blobs.size());
     for (std::size_t seed = 0; seed < blobs.size(); ++seed) {
       if (done[seed] || crosses[seed].size() < 2) continue;
-      std::set<Place> places = NumberFrom(blobs, crosses, links, seed, &done);
+      Places places = NumberFrom(blobs, crosses, links, seed, &done);
       if (places.size() > largest.size()) largest = std::move(places);
     }
   }
