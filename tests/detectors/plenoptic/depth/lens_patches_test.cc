@@ -140,12 +140,12 @@ TEST_F(Patches, HaveTheSlopeOfTheLogarithmicAttenuation) {
 }
 
 /// Micro images of many brightnesses with the sensor's noise; some have texture.
-LensPatches NoisyPatches(double read, double shot, double textured) {
+LensPatches NoisyPatches(double read, double shot, double textured, double attenuation = 1) {
   const MicroLensArray array = PlenopticScene{.width = 900, .height = 900}.Array();
   std::mt19937 random(11);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0, 1);
-  cv::Mat raw(900, 900, CV_32F, cv::Scalar(0)), even(900, 900, CV_32F, cv::Scalar(1));
+  cv::Mat raw(900, 900, CV_32F, cv::Scalar(0)), even(900, 900, CV_32F, cv::Scalar(attenuation));
   for (const MicroLens& lens : array.lenses) {
     const double level = 20 + 200 * uniform(random);
     const double contrast = uniform(random) < textured ? 30 : 0;
@@ -156,7 +156,7 @@ LensPatches NoisyPatches(double read, double shot, double textured) {
         if (column < 0 || row < 0 || column >= 900 || row >= 900) continue;
         // Micro images do not overlap.
         if ((Eigen::Vector2d(column, row) - lens.centre).norm() > 9) continue;
-        const double value = level + contrast * std::sin(1.3 * column + 0.9 * row);
+        const double value = attenuation * (level + contrast * std::sin(1.3 * column + 0.9 * row));
         raw.at<float>(row, column) =
             static_cast<float>(value + std::sqrt(read + shot * value) * normal(random));
       }
@@ -173,6 +173,13 @@ TEST(EstimateNoise, FindsReadAndShotNoise) {
     EXPECT_NEAR(middle, 2.0 + 0.05 * 120, 0.15 * (2.0 + 0.05 * 120)) << textured;
     EXPECT_NEAR(noise.shot, 0.05, 0.02) << textured;
   }
+}
+
+TEST(EstimateNoise, IsThatOfRawValuesUnderAnyAttenuation) {
+  const SensorNoise noise = EstimateNoise(NoisyPatches(2.0, 0.05, 0, 0.5));
+  const double middle = noise.read + noise.shot * 60;
+  EXPECT_NEAR(middle, 2.0 + 0.05 * 60, 0.15 * (2.0 + 0.05 * 60));
+  EXPECT_NEAR(noise.shot, 0.05, 0.02);
 }
 
 TEST(EstimateNoise, IsAtLeastThatOfRounding) {
