@@ -25,7 +25,7 @@ cv::Mat Image(const cv::Size& size, double (*value)(double, double)) {
   return image;
 }
 
-class Patches : public testing::Test {
+class Patches : public ::testing::Test {
  protected:
   Patches() {
     array_ = PlenopticScene{}.Array();

@@ -38,7 +38,7 @@ struct Matched {
   }
 };
 
-class PlaneAt : public testing::TestWithParam<double> {};
+class PlaneAt : public ::testing::TestWithParam<double> {};
 
 TEST_P(PlaneAt, HasTheDepthOfItsPixels) {
   const WaveScene scene{.v = GetParam()};
@@ -78,7 +78,7 @@ TEST_P(PlaneAt, DecidesTheSignOfDepth) {
 
 INSTANTIATE_TEST_SUITE_P(Depths,
                          PlaneAt,
-                         testing::Values(2.6, 3.5, 5.0, -3.5),
+                         ::testing::Values(2.6, 3.5, 5.0, -3.5),
                          [](const auto& test) {
                            std::string name = test.param < 0 ? "Keplerian" : "Galilean";
                            name += std::to_string(static_cast<int>(10 * std::abs(test.param)));

@@ -16,7 +16,7 @@
 namespace plenocal {
 namespace TEST_FILE {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 /// Distance from the border of the image within which fewer micro images see a point, px.
 constexpr int kBorder = 50;
@@ -35,7 +35,7 @@ struct Case {
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-class FocusedScene : public testing::TestWithParam<Case> {
+class FocusedScene : public ::testing::TestWithParam<Case> {
  protected:
   static Reconstruction FocusScene(const PlenopticScene& scene) {
     PlenopticCamera camera;
@@ -106,7 +106,7 @@ TEST_P(FocusedScene, LooksLikeTheScene) {
 INSTANTIATE_TEST_SUITE_P(
     Cameras,
     FocusedScene,
-    testing::Values(Case{"Galilean", {}},
+    ::testing::Values(Case{"Galilean", {}},
                     Case{"Turned", {.rotation = std::numbers::pi / 2 + 0.01}},
                     Case{"OneType", {.types = 1}},
                     Case{"Keplerian", {.depth = -3.5}},
@@ -152,7 +152,7 @@ TEST_P(ColouredScene, HasItsColours) {
 INSTANTIATE_TEST_SUITE_P(
     Cameras,
     ColouredScene,
-    testing::Values(
+    ::testing::Values(
         Case{"Channels", {.colour = true, .hue = 0.3}},
         Case{"Rggb", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb, .hue = 0.3}},
         Case{"Gbrg", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kGbrg, .hue = 0.3}}),
@@ -193,7 +193,7 @@ std::string Refusal(const cv::Mat& raw, const PlenopticCamera& camera) {
   return "not refused";
 }
 
-class FocusRefuses : public testing::Test {
+class FocusRefuses : public ::testing::Test {
  protected:
   void SetUp() override {
     camera_.array = scene_.Array();
