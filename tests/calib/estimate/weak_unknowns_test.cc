@@ -80,6 +80,33 @@ TEST_F(WeakDirections, StartWithOpenOnesAndNameNoUnknownTwice) {
   EXPECT_THAT(weak[1].what, HasSubstr("nothing in the data"));
 }
 
+// The remedy of one open direction of these unknowns.
+std::string RemedyOf(const Bundle& bundle,
+                     Uncertainty uncertainty,
+                     const std::vector<std::string>& names) {
+  auto& direction = uncertainty.open.emplace_back();
+  for (const std::string& name : names) direction.parts.emplace_back(name, 1.0);
+  direction.sigma = 5;
+  const std::vector<WeakUnknowns> weak = FindWeakUnknowns(bundle, uncertainty);
+  EXPECT_EQ(weak.size(), 1U);
+  return weak.empty() ? std::string() : weak[0].remedy;
+}
+
+TEST_F(WeakDirections, HaveARemedyByTheirKind) {
+  const char* const frames = "The extrinsics of a camera follow from frames that it shares";
+  const char* const motion = "Cameras and targets that share no view are placed by motion";
+  const std::string of_extrinsics = RemedyOf(bundle_, uncertainty_, {"cam.T_camera_rig.x"});
+  EXPECT_THAT(of_extrinsics, HasSubstr(frames));
+  EXPECT_THAT(of_extrinsics, ::testing::Not(HasSubstr(motion)));
+  const std::string of_targets =
+      RemedyOf(bundle_, uncertainty_, {"cam.T_camera_rig.x", "wall.T_target.x"});
+  EXPECT_THAT(of_targets, HasSubstr(motion));
+  EXPECT_THAT(of_targets, ::testing::Not(HasSubstr(frames)));
+  const std::string of_params = RemedyOf(bundle_, uncertainty_, {"cam.f_x", "cam.f_y"});
+  EXPECT_EQ(of_params.find(frames), std::string::npos);
+  EXPECT_NE(of_params, of_extrinsics);
+}
+
 TEST(Listed, ShortensLongLists) {
   EXPECT_EQ(Listed({"a", "b", "c"}), "a, b, c");
   std::vector<std::string> many(20, "x");
