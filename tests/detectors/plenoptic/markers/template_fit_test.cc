@@ -120,7 +120,7 @@ TEST(FitTemplate, HasTheSigmaOfItsScatter) {
 
 TEST(FitTemplate, HasTheSigmaOfItsResidualsWhereTheyAreLarger) {
   const DiscImage image(3);
-  double ratios[2] = {0, 0};
+  double ratios[2] = {0, 0}, of_blur = 0;
   constexpr int kRuns = 30;
   for (unsigned run = 0; run < kRuns; ++run) {
     const auto right = image.Fit(run, {0.2, 0.1}),
@@ -129,9 +129,11 @@ TEST(FitTemplate, HasTheSigmaOfItsResidualsWhereTheyAreLarger) {
     ASSERT_TRUE(right && less && more);
     ratios[0] += less->sigma / right->sigma / kRuns;
     ratios[1] += more->sigma / right->sigma / kRuns;
+    of_blur += less->blur_sigma / right->blur_sigma / kRuns;
   }
   EXPECT_NEAR(ratios[0], 1, 0.15);
   EXPECT_NEAR(ratios[1], 4, 0.6);
+  EXPECT_NEAR(of_blur, 1, 0.3);  // with the prior
 }
 
 TEST(FitTemplate, StartsFromTheSamePlaceOrNowhere) {
