@@ -141,6 +141,7 @@ TEST(FitTemplate, StartsFromTheSamePlaceOrNowhere) {
   const auto near = image.Fit(1, {0.05, 0}), far = image.Fit(1, {-0.6, 0.5});
   ASSERT_TRUE(near && far);
   EXPECT_LT((near->position - far->position).norm(), 2e-3);
+  EXPECT_TRUE(image.Fit(1, {1.2, 0}));
   // Farther than half the disc's radius it might be another one.
   EXPECT_FALSE(image.Fit(1, {1.6, -1}));
 }
