@@ -63,8 +63,9 @@ TEST(FieldMaps, AreColouredByLengthWithArrowsAlongTheVectors) {
   // Heights of the maps follow from the images' sizes.
   EXPECT_EQ(picture.cols, 3 * kMargin + kWidth + kScaleWidth);
   EXPECT_EQ(picture.rows, 3 * kMargin + 2 * kTitle + 600 + 900);
-  for (const auto& [top, height] :
-       {std::pair(kMargin + kTitle, 600.0), {2 * (kMargin + kTitle) + 600, 900.0}}) {
+  for (const bool second : {false, true}) {
+    const double top = second ? 2 * (kMargin + kTitle) + 600 : kMargin + kTitle,
+                 height = second ? 900 : 600;
     const double w = kWidth / 3, h = height / 2;  // of a cell
     const auto at = [&](double column, double row, const cv::Vec3d& colour) {
       ExpectColour(picture, kMargin + column * w, top + row * h, colour);

@@ -3,6 +3,7 @@
 // A calibration's result through its files and back.
 #include "calib/files/calibration_record.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
