@@ -14,20 +14,7 @@
 namespace plenocal::testing {
 namespace TEST_FILE {
 
-// Of the same frames with other noise.
-Calibration CalibrateWithNoise(CalibrationInput input, unsigned seed) {
-  constexpr double kNoise = 0.1;  // px
-  Random random(seed);
-  for (CameraInput& camera : input.cameras) {
-    for (View& view : camera.views) {
-      for (Observation& observation : view.observations) {
-        for (size_t i = 0; i < 2; ++i) observation.values[i] += random.Gaussian(kNoise);
-        observation.detector_sigma = kNoise;
-      }
-    }
-  }
-  return Calibrate(input, {});
-}
+constexpr double kNoise = 0.1;  // px
 
 TEST(CompareCameras, NoTranslationMakesUpForAFocalLengthFarAway) {
   CalibratedCamera a{.name = "camera",
@@ -101,8 +88,8 @@ TEST(CompareExtrinsics, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   double squares = 0, turn = 0, shift = 0;
   for (unsigned pair = 0; pair < kPairs; ++pair) {
     const SyntheticProblem problem = MakeProblem(3 + pair / 8, {.cameras = 3, .frames = 10});
-    const Calibration a = CalibrateWithNoise(problem.input, 100 + pair);
-    const Calibration b = CalibrateWithNoise(problem.input, 200 + pair);
+    const Calibration a = Calibrate(WithNoise(problem.input, kNoise, 100 + pair), {});
+    const Calibration b = Calibrate(WithNoise(problem.input, kNoise, 200 + pair), {});
     std::vector<CalibratedCamera> of_a, of_b;
     std::vector<CameraDifference> differences;
     for (const size_t c : {1, 2}) {

@@ -140,6 +140,19 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
   return problem;
 }
 
+CalibrationInput WithNoise(CalibrationInput input, double sigma, unsigned seed) {
+  Random random(seed);
+  for (CameraInput& camera : input.cameras) {
+    for (View& view : camera.views) {
+      for (Observation& seen : view.observations) {
+        for (size_t i = 0; i < 2; ++i) seen.values[i] += random.Gaussian(sigma);
+        seen.detector_sigma = sigma;
+      }
+    }
+  }
+  return input;
+}
+
 Bundle TrueBundle(const SyntheticProblem& problem) {
   Bundle bundle;
   for (size_t c = 0; c < problem.params.size(); ++c) {

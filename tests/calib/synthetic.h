@@ -47,6 +47,9 @@ struct SyntheticProblem {
 /// A random pinhole-radial3 rig before a target, all from `seed`.
 SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options);
 
+/// The same observations with noise of this sigma (px) added, which they state.
+CalibrationInput WithNoise(CalibrationInput input, double sigma, unsigned seed);
+
 /// The problem's truth as the state of an adjustment, with its noisy observations.
 Bundle TrueBundle(const SyntheticProblem& problem);
 

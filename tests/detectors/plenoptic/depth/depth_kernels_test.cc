@@ -8,26 +8,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "calib/base/robust.h"
+#include "tests/calib/random.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
 
+using plenocal::testing::Random;
+
 constexpr int kSize = 24;
 const float kUnknown = std::numeric_limits<float>::quiet_NaN();
-
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double Uniform(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-
- private:
-  std::mt19937 engine_;
-};
 
 // Grey values with a share of unknown ones.
 std::vector<float> Patch(unsigned seed, double unknown = 0) {
