@@ -7,8 +7,8 @@
     bench/mutants apps/cli,detectors,targets --work /tmp/mutants --count 300 --units 80 --slow
     bench/mutants --mistakes 20 --work /tmp/mutants --seed 7   # made by hand: a wrong unit, a dropped covariance, ...
 
-A room is a folder of the source tree, or several folders and files, joined by commas. A seeded sample of the places in its functions that can be changed is compiled, all
-behind switches, into the tests of a copy of the tree, in the folder --work. Each test runs once without a mutant, which
+A room is a folder of the source tree, or several folders and files, joined by commas. A seeded sample of the places in its
+functions that can be changed is compiled, all behind switches, into the tests of a copy of the tree, in the folder --work. Each test runs once without a mutant, which
 tells the places that it reaches. Then each mutant is switched on, and the tests that reach it run, quickest first, until one
 fails or takes ten times its time and 10 s more. A mutant that passes them is a survivor: no test notices the change.
 Needs GCC and libclang (Debian: python3-clang-14 with /usr/bin/python3); tests of optional data sets and of browsers do not run.
@@ -78,7 +78,7 @@ def parse(paths, words):
     return unit
 
 
-def find_points(words, paths):
+def finders_of(words, paths):
     """Finders of sources that one unit includes; none of a unit that libclang cannot read."""
     try:
         unit = parse(paths, words)
@@ -206,7 +206,7 @@ def choose(room, first, options, entries):
     if options.units:
         unities = draw.sample(unities, min(len(unities), options.units))
     with concurrent.futures.ProcessPoolExecutor(options.jobs) as pool:
-        finders = [finder for own in pool.map(find_points, *zip(*unities)) for finder in own]
+        finders = [finder for own in pool.map(finders_of, *zip(*unities)) for finder in own]
     points = [point for finder in finders for point in finder.points]
     compiled = dict(enumerate(draw.sample(points, min(len(points), sampled_of(options.count))), first))
     changed = {point.path for point in compiled.values()}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What `models check` says of models with one mistake each.
+// Findings of `models check` on models with one mistake each.
 #include "models/check/model_properties.h"
 
 #include <gmock/gmock.h>
@@ -31,7 +31,6 @@ std::vector<std::string> Violations(const CameraModel& model, std::string_view n
   return {};
 }
 
-// The right model's functions, which read a point before a mistake is made.
 bool Project(const double* params,
              const double* config,
              const double* values,

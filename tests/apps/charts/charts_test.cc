@@ -149,7 +149,6 @@ TEST(BarCharts, DoNotMagnifyRoundingErrors) {
   EXPECT_LT(BoxOf(Decoded(DrawBarChart(chart, PictureFormat::kPng)), kBars[0]).height, 2);
 }
 
-// Numbers at the axis, by SVG: cairo draws letters as shapes, so that the widths alone are known.
 TEST(BarCharts, HavePanelsBesideEachOther) {
   const auto width = [](const BarChart& chart) {
     return Decoded(DrawBarChart(chart, PictureFormat::kPng)).cols / 2.0;

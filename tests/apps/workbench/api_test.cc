@@ -267,7 +267,7 @@ TEST_F(ApiOfAFolder, TakesImagesOfASessionsCamera) {
   EXPECT_FALSE(fs::exists(folder_ / "outside/f.png"));
 }
 
-TEST_F(ApiOfAFolder, TellsAllPagesOfAChange) {
+TEST_F(ApiOfAFolder, SendsEachChangeAsAnEvent) {
   size_t seen = events_.Last();
   const std::string hash = Json::parse(Ask("GET", {"session"}).body)["hash"];
   EXPECT_EQ(events_.After(&seen), "");

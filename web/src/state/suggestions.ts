@@ -10,7 +10,7 @@ const found = signal<{ of: unknown; suggestions: Suggestions } | null>(null);
 /** Those found last: while new ones are looked for, they stay. */
 export const lastSuggestions = computed(() => found.value?.suggestions ?? null);
 
-// Those with pictures that the run does not have yet: of no run.
+// Suggestions renewed with pictures that the run does not have yet belong to no run.
 effect(() => {
   if (renewed.value) found.value = { of: null, suggestions: renewed.value };
 });
@@ -18,7 +18,7 @@ effect(() => {
 /** Of this very result: a run that is made again has others. */
 export const suggestionsOfRun = (): Suggestions | null => (found.value && found.value.of === run.value ? found.value.suggestions : null);
 
-/** Null where there are none, which is shown. An answer that comes after those with newer pictures does not replace them. */
+/** Null where there are none, which is shown. An answer does not replace suggestions that were renewed meanwhile. */
 export async function findSuggestions(): Promise<Suggestions | null> {
   const of = run.value;
   if (!of || found.value?.of === of) return suggestionsOfRun();

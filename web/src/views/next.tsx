@@ -32,7 +32,7 @@ function LastImage() {
 
 /** Frames and sigma while images arrive, the newest last. */
 const course = signal<{ frames: number; sigma: number | null }[]>([]);
-const goOn = ({ frames, sigma_now }: Suggestions): void => {
+const addToCourse = ({ frames, sigma_now }: Suggestions): void => {
   course.value = [...course.value.filter((each) => each.frames !== frames), { frames, sigma: sigma_now }];
 };
 
@@ -80,7 +80,7 @@ function Suggested() {
     if (number === null || run.value?.run !== number) return;
     setBusy(true);
     void findSuggestions().then((suggested) => {
-      if (suggested && project.value?.watching) goOn(suggested);
+      if (suggested && project.value?.watching) addToCourse(suggested);
       setBusy(false);
     });
   }, [run.value]);
