@@ -183,8 +183,10 @@ std::optional<Matrix2d> BasisAround(std::span<const Vector2d> points,
     for (const Vector2d& corner : {Vector2d(-a), Vector2d(-b), Vector2d(a + b), Vector2d(a - b)}) {
       if (!neighbour(corner, tolerance)) return std::nullopt;
     }
-    // In a hexagonal lattice with a hole.
-    if (neighbour((a + b) / 2, tolerance)) return std::nullopt;
+    // In a hexagonal lattice with a hole, which may be in the middle of one of these cells.
+    for (const Vector2d& middle : {Vector2d(a + b), Vector2d(a - b)}) {
+      if (neighbour(middle / 2, tolerance)) return std::nullopt;
+    }
     basis << a, b;
     return basis;
   }
