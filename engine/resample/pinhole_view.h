@@ -15,14 +15,14 @@ namespace plenocal {
 
 /// The user's options for the new camera.
 struct ViewOptions {
-  std::optional<ImageSize> size;  ///< px; not set: that of the first camera
-  std::optional<double> fov;      ///< horizontal field of view, degrees
+  std::optional<ImageSize> size = {};  ///< px; not set: that of the first camera
+  std::optional<double> fov = {};      ///< horizontal field of view, degrees
   /// 0: the largest field of view in which every pixel has a source; 1: the smallest that contains
   /// the cameras' whole images; values between interpolate. As alpha of
   /// cv::getOptimalNewCameraMatrix and balance of cv::fisheye, but with square pixels.
-  std::optional<double> balance;
+  std::optional<double> balance = {};
   /// Of cameras without a single centre: where the view is exact, m (`CentralView`).
-  std::optional<double> distance = std::nullopt;
+  std::optional<double> distance = {};
 };
 
 /// The image of a camera and the directions of its pixels.
