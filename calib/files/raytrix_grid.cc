@@ -7,15 +7,16 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <pugixml.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/base/number_text.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/io/input_file.h"
 
@@ -30,12 +31,11 @@ using Eigen::Vector2d;
 }
 
 double Number(const std::filesystem::path& path, const pugi::xml_node& parent, const char* name) {
-  const pugi::xml_text text = parent.child(name).text();
-  const double value = text.as_double(std::numeric_limits<double>::quiet_NaN());
-  if (text.empty() || !std::isfinite(value)) {
+  const std::optional<double> value = ParseDouble(parent.child(name).text().get());
+  if (!value || !std::isfinite(*value)) {
     Refuse(path, fmt::format("<{}>: <{}>: expected a number", parent.name(), name));
   }
-  return value;
+  return *value;
 }
 
 /// Element `name` with its children x and y, y turned down.
@@ -47,7 +47,8 @@ Vector2d Point(const std::filesystem::path& path, const pugi::xml_node& parent, 
 
 pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* document) {
   const pugi::xml_parse_result parsed =
-      document->load_string(ReadTextFile(path, InputLimit::kDocument).c_str());
+      document->load_string(ReadTextFile(path, InputLimit::kDocument).c_str(),
+                            pugi::parse_default | pugi::parse_trim_pcdata);
   if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
   const pugi::xml_node root = document->child("RayCalibData");
   if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
@@ -66,9 +67,10 @@ TypeOfColour ReadTypes(const std::filesystem::path& path,
     const Vector2d node = to_nodes * Point(path, type, "offset");
     constexpr double kFarthest = 1000;  // lenses
     if (!(node.norm() < kFarthest)) Refuse(path, "<lens_type>: <offset>: is no neighbouring lens");
+    const std::optional<int> id = ParseInt(type.attribute("id").value());
+    if (!id) Refuse(path, "<lens_type>: id: expected a whole number");
     type_of_colour[kThreeInterleaved.Set(
-        {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] =
-        type.attribute("id").as_int();
+        {static_cast<int>(std::lround(node.x())), static_cast<int>(std::lround(node.y()))})] = *id;
   }
   if (type_of_colour.size() != 1 && type_of_colour.size() != 3) {
     Refuse(path,

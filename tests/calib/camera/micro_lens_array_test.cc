@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
 #include <regex>
 #include <string>
+#include <string_view>
 
 #include "calib/base/error.h"
 #include "calib/camera/lens_lattice.h"
@@ -218,6 +220,109 @@ TEST(RayCalibData, HoldsNoRectangularLattice) {
   array.e_column = {20, 0};
   array.e_row = {0, 20};
   EXPECT_THROW(RayCalibDataXml(array), Error);
+}
+
+/// A file of RxLive of one lens type, 20 px apart in an image of 300 x 200, with a line replaced.
+std::string RayCalibDataOf(std::string_view old = {}, std::string_view other = {}) {
+  std::string text =
+      "<RayCalibData version=\"1.0\">\n"
+      "  <offset><x>3</x><y>-2</y></offset>\n"
+      "  <diameter>20</diameter>\n"
+      "  <rotation>0.1</rotation>\n"
+      "  <lens_base_x><x>1</x><y>0</y></lens_base_x>\n"
+      "  <lens_base_y><x>0.5</x><y>0.8660254</y></lens_base_y>\n"
+      "  <lens_type id=\"7\"><offset><x>0</x><y>0</y></offset></lens_type>\n"
+      "</RayCalibData>\n";
+  if (!old.empty()) text.replace(text.find(old), old.size(), other);
+  return text;
+}
+
+MicroLensArray ReadRayCalibText(const std::string& text) {
+  const fs::path path =
+      fs::temp_directory_path() /
+      ("plenocal_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+  std::ofstream(path) << text;
+  const auto remove = [&] { fs::remove(path); };
+  try {
+    MicroLensArray array = ReadRayCalibData(path, kSize);
+    remove();
+    return array;
+  } catch (const Error&) {
+    remove();
+    throw;
+  }
+}
+
+TEST(RayCalibData, HasYUpAndAnglesToTheLeft) {
+  const MicroLensArray array = ReadRayCalibText(RayCalibDataOf());
+  EXPECT_EQ(array.types, 1);
+  // The rotation turns the bases; a sixth of a turn more is the same lattice.
+  const Eigen::Vector2d e = 20 * Eigen::Vector2d(std::cos(0.1), -std::sin(0.1));
+  EXPECT_LT((array.e_column - e).norm(), 1e-5);
+  EXPECT_LT((array.e_row - Eigen::Rotation2Dd(std::numbers::pi / 3) * e).norm(), 1e-5);
+  const auto middle = std::ranges::find_if(
+      array.lenses, [](const MicroLens& lens) { return lens.row == 0 && lens.column == 0; });
+  ASSERT_NE(middle, array.lenses.end());
+  EXPECT_LT((middle->centre - Eigen::Vector2d(149.5 + 3, 99.5 + 2)).norm(), 1e-9);
+  const MicroLensArray turned =
+      ReadRayCalibText(RayCalibDataOf("0.1<", std::to_string(0.1 + std::numbers::pi / 3) + "<"));
+  EXPECT_LT((turned.e_column - array.e_column).norm(), 1e-4);
+}
+
+TEST(RayCalibData, OfAnotherLatticeIsRefused) {
+  const auto refused = [](std::string_view old, std::string_view other) {
+    try {
+      ReadRayCalibText(RayCalibDataOf(old, other));
+      return std::string();
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+  };
+  using ::testing::HasSubstr;
+  EXPECT_EQ(refused("<x>3<", "<x>4<"), "");
+  // Bases of a rectangle, and of a hexagon that is a fifth too long on one side.
+  EXPECT_THAT(refused("<x>0.5</x><y>0.8660254", "<x>0</x><y>1"), HasSubstr("no hexagonal lattice"));
+  EXPECT_THAT(refused("<x>1</x>", "<x>1.2</x>"), HasSubstr("no hexagonal lattice"));
+  EXPECT_EQ(refused("<x>0.5</x>", "<x>-0.5</x>"), "") << "120 degrees apart";
+  EXPECT_THAT(refused("<diameter>20", "<diameter>3.9"), HasSubstr("at least 4 pixels"));
+  EXPECT_EQ(refused("<diameter>20", "<diameter>50"), "");
+  EXPECT_THAT(refused("<diameter>20", "<diameter>50.1"), HasSubstr("at most a quarter"));
+  EXPECT_THAT(refused("<diameter>20", "<diameter>wide"), HasSubstr("expected a number"));
+  EXPECT_THAT(refused("<rotation>0.1", "<rotation>left"), HasSubstr("expected a number"));
+  EXPECT_THAT(refused("<diameter>20", "<diameter>20 mm"), HasSubstr("expected a number"));
+  EXPECT_EQ(refused("<diameter>20<", "<diameter>\n 20 <"), "");
+  EXPECT_THAT(refused("id=\"7\"", "id=\"near\""), HasSubstr("id: expected a whole number"));
+  EXPECT_THAT(refused("<x>3<", "<x>501<"), HasSubstr("outside of the image"));
+  EXPECT_THAT(refused("<rotation>0.1</rotation>", ""), HasSubstr("<rotation>"));
+  EXPECT_THAT(
+      refused("<x>0</x><y>0</y></offset></lens_type>", "<x>0</x><y>1001</y></offset></lens_type>"),
+      HasSubstr("no neighbouring lens"));
+  EXPECT_THAT(
+      refused("</lens_type>\n",
+              "</lens_type><lens_type id=\"8\"><offset><x>1</x><y>0</y></offset></lens_type>\n"),
+      HasSubstr("has 2 interleaved"));
+}
+
+TEST(LatticeVectors, AreThoseInTheMiddleOfTheImage) {
+  // A lens makes the pitch smaller to the right.
+  const auto place = [](int column, int row) -> Eigen::Vector2d {
+    const double x = 16 * (column + 0.5 * row);
+    return {150 + x - 0.0005 * x * x, 100 + 13.9 * row};
+  };
+  MicroLensArray array;
+  array.image_size = {400, 200};
+  for (int row = -9; row <= 9; ++row) {
+    for (int column = -15; column <= 25; ++column) {
+      const Eigen::Vector2d centre = place(column, row);
+      if (!IsInside(centre, array.image_size)) continue;
+      array.lenses.push_back({.row = row, .column = column, .centre = centre});
+    }
+  }
+  SetLatticeVectors(&array);
+  // x - 0.0005 x^2 = 49.5 at x = 50.8.
+  const double x = (1 - std::sqrt(1 - 4 * 0.0005 * 49.5)) / (2 * 0.0005);
+  EXPECT_LT((array.e_column - Eigen::Vector2d(16 * (1 - 0.001 * x), 0)).norm(), 1e-6);
+  EXPECT_LT((array.e_row - Eigen::Vector2d(8 * (1 - 0.001 * x), 13.9)).norm(), 1e-6);
 }
 
 TEST(RayCalibData, SaysWhatIsWrong) {
