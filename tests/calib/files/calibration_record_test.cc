@@ -282,6 +282,68 @@ TEST_F(RecordFiles, KeepHowTheAdjustmentEnded) {
   EXPECT_EQ(again.left_out, record.left_out);
 }
 
+TEST_F(RecordFiles, KeepOpticsClocksAndTargets) {
+  CalibrationRecord record = Record();
+  record.cameras[0].time_shift = EstimatedNumber{-0.0125, kInfinite};
+  record.cameras[1].lens_type_optics = {
+      {0, 0.0011, 2e-5, 1.5e-4, 3e-6, 0.625, 0.5, 0.75},
+      {2, 0.0012, 3e-5, 1.25e-4, 2e-6, kInfinite, 1.25, kInfinite}};
+  record.cameras[1].fit.noise_floor->third_order = 0.375;
+  record.cameras[1].fit.noise_floor_all->third_order = 0.5;
+  record.targets = {{"first", {}, Vector6d::Zero()},
+                    {"wall: left", SomePose(0.3), Vector6d::Constant(0.25)}};
+  const CalibrationRecord again = Again(record);
+  ASSERT_TRUE(again.cameras[0].time_shift);
+  EXPECT_EQ(*again.cameras[0].time_shift, *record.cameras[0].time_shift);
+  EXPECT_FALSE(again.cameras[1].time_shift);
+  EXPECT_EQ(again.cameras[1].fit.noise_floor->third_order, 0.375);
+  EXPECT_EQ(again.cameras[1].fit.noise_floor_all->third_order, 0.5);
+  ASSERT_EQ(again.cameras[1].lens_type_optics.size(), 2U);
+  for (size_t i = 0; i < 2; ++i) {
+    const LensTypeOptics &a = record.cameras[1].lens_type_optics[i],
+                         &b = again.cameras[1].lens_type_optics[i];
+    EXPECT_EQ(b.lens_type, a.lens_type);
+    EXPECT_EQ(b.focal_length, a.focal_length);
+    EXPECT_EQ(b.focal_length_sigma, a.focal_length_sigma);
+    EXPECT_EQ(b.aperture, a.aperture);
+    EXPECT_EQ(b.aperture_sigma, a.aperture_sigma);
+    EXPECT_EQ(b.in_focus, a.in_focus);
+    EXPECT_EQ(b.near, a.near);
+    EXPECT_EQ(b.far, a.far);
+  }
+  ASSERT_EQ(again.targets.size(), 2U);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(again.targets[i].name, record.targets[i].name);
+    ExpectSame(again.targets[i].T_target_own, record.targets[i].T_target_own, kFileDigits);
+    EXPECT_EQ(again.targets[i].sigma_xi, record.targets[i].sigma_xi);
+  }
+}
+
+TEST(MicroLensGeometryOfACamera, HasItsDistances) {
+  CalibratedCamera camera = Plenoptic();
+  camera.covariance(2, 2) = 4e-10;
+  const std::optional<MicroLensGeometry> thin = MicroLensGeometryOf(camera);
+  ASSERT_TRUE(thin);
+  EXPECT_EQ(thin->f_L, 0.016);
+  EXPECT_EQ(thin->b_L0, 0.0155);
+  EXPECT_EQ(thin->B, 0.0003);
+  EXPECT_EQ(thin->b_P, 0.0155) << "the pupil of a thin lens is the lens";
+  EXPECT_EQ(thin->pixel_size, 5.5e-6);
+  EXPECT_DOUBLE_EQ(thin->sigma_B, 2e-5);
+  EXPECT_EQ(thin->principal_point, Eigen::Vector2d(1020, 1000));
+  EXPECT_EQ(thin->tilt, Eigen::Vector2d(0, 0));
+  const auto with = [&](const char* model, std::initializer_list<double> more) {
+    CalibratedCamera other = camera;
+    other.model = FindModel(CameraModels(), model);
+    other.params.insert(other.params.end(), more.begin(), more.end());
+    return MicroLensGeometryOf(other);
+  };
+  EXPECT_EQ(with("focused-plenoptic-pupil", {0.02})->b_P, 0.02);
+  EXPECT_EQ(with("plenoptic-thick", {50, 0, 0, 0, 0})->b_P, 1 / 50.0);
+  EXPECT_EQ(with("focused-plenoptic-tilt", {0.01, -0.02})->tilt, Eigen::Vector2d(0.01, -0.02));
+  EXPECT_FALSE(MicroLensGeometryOf(Ordinary()));
+}
+
 TEST_F(RecordFiles, ListStrongCorrelationsForTheReader) {
   EXPECT_THAT(CalibrationYaml(Record()), HasSubstr("- [left.f_x, left.f_y, 0.9700]"));
 }
