@@ -592,7 +592,7 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
   CalibrationRecord calibration;
   calibration.path = path;
   for (const auto& [name, node] : root.At("cameras").Entries()) {
-    CheckCameraName(name, node);
+    CheckName(name, node);
     calibration.cameras.push_back(ReadCamera(name, node, models));
   }
   if (calibration.cameras.empty()) root.At("cameras").Fail("expected at least one camera");
@@ -633,9 +633,9 @@ CalibrationRecord ReadCalibration(const std::filesystem::path& path,
   return calibration;
 }
 
-void CheckCameraName(const std::string& name, const YamlNode& node) {
+void CheckName(const std::string& name, const YamlNode& node) {
   if (const std::optional<std::string> defect = CameraNameDefect(name)) {
-    node.Fail("this camera's name " + *defect);
+    node.Fail("this name " + *defect);
   }
 }
 

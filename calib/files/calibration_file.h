@@ -32,8 +32,8 @@ std::string UndeterminedYaml(const std::vector<OpenDirection>& directions);
 CalibrationRecord ReadCalibration(const std::filesystem::path& path,
                                   std::span<const CameraModel> models);
 
-/// Throws at the node of a camera whose name cannot be one (`CameraNameDefect`).
-void CheckCameraName(const std::string& name, const YamlNode& node);
+/// Throws at the node of a camera or target whose name cannot be one (`CameraNameDefect`).
+void CheckName(const std::string& name, const YamlNode& node);
 
 /// The model in `models` whose name `node` holds. Throws `Error` with file, line and key.
 const CameraModel* ReadModel(const YamlNode& node, std::span<const CameraModel> models);

@@ -105,7 +105,7 @@ SessionCamera ReadCamera(const std::string& name,
   const std::filesystem::path& session = session_so_far.path;
   SessionCamera camera;
   camera.name = name;
-  CheckCameraName(name, node);
+  CheckName(name, node);
   if (!node.Has("model")) RequireCameraKeys(node, nullptr);
   camera.auto_model = node.At("model").AsString() == kAuto;
   camera.model =
@@ -344,7 +344,7 @@ SessionTarget ReadSessionTarget(const std::string& name,
                                 const YamlNode& node,
                                 const std::filesystem::path& session) {
   SessionTarget target{.name = name, .source = {}, .moves = false, .known = {}};
-  CheckCameraName(name, node);  // it becomes part of file names too
+  CheckName(name, node);  // it becomes part of file names too
   if (!node.IsMap() || !node.Has("target")) {
     target.source = ReadTargetSource(node, session);
     return target;

@@ -41,7 +41,7 @@ RecordedFiles ReadRecordedFiles(const std::string& name,
   static constexpr std::array<std::string_view, 8> kKeys{
       "images", "topic", "tracks", "times", "exposure_unit", "white_images", "bayer", "pixel_size"};
   static constexpr std::array<std::string_view, 3> kUnits{"s", "ms", "us"};
-  CheckCameraName(name, node);
+  CheckName(name, node);
   node.CheckKeys(kKeys);
   RecordedFiles camera;
   camera.name = name;

@@ -281,7 +281,7 @@ PoseSpec ReadPoseSpec(const YamlNode& node,
 TargetSpec ReadTargetSpec(const std::string& name,
                           const YamlNode& node,
                           const std::filesystem::path& spec) {
-  CheckCameraName(name, node);  // it becomes part of file names too
+  CheckName(name, node);  // it becomes part of file names too
   if (!node.IsMap()) return {.name = name, .file = PathBeside(spec, node), .T_target_own = {}};
   node.CheckKeys({"target", "T_target_own", "xi_target_own"});
   return {.name = name,

@@ -47,7 +47,7 @@ TEST_F(Names, OfCamerasComeBackFromTheResult) {
 TEST_F(Names, OfCamerasThatNoFileCanHaveAreRefused) {
   for (const std::string quoted : {"\"\\\"\"", "a/b", "..", "\"a\\nb\"", "\"a\\eb\"", "\"a b\""}) {
     NameCamera(quoted);
-    ExpectFailure(kWrongInput, {"session.yaml:", "this camera's name"});
+    ExpectFailure(kWrongInput, {"session.yaml:", "this name"});
     EXPECT_THAT(Run({"calibrate", "session.yaml", "-o", "out"}).err, Not(HasSubstr("\x1b")));
   }
 }

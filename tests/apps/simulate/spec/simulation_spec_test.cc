@@ -515,7 +515,7 @@ TEST_F(SimulationSpecFile, RefusesWhatItCannotMake) {
       {{{"target", "targets: {}"}},
        "spec.yaml:2:10: targets: expected targets: 'floor: floor.yaml'"},
       {{{"target", "targets: {'a b': b.yaml}"}},
-       "spec.yaml:2:18: targets.a b: this camera's name has a ' '; it becomes part of file names: use letters, digits, '_' and '-'"},
+       "spec.yaml:2:18: targets.a b: this name has a ' '; it becomes part of file names: use letters, digits, '_' and '-'"},
       {{{"target", "targets: {a: {target: b.yaml, T: 1}}"}},
        "spec.yaml:2:31: targets.a.T: unknown key; known: target, T_target_own, xi_target_own"},
       {{{"size", "[15, 48]"}},
