@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "calib/estimate/describe.h"
@@ -121,6 +122,30 @@ TEST_F(CheckOfAPair, NamesTheMountThatHasChanged) {
   EXPECT_NEAR(check.cameras[1].rotation, 0.01, 0.001);
   EXPECT_LT(check.cameras[1].extrinsics_probability, 1e-6);
   EXPECT_THAT(JudgeCheck(check).findings[0].what, HasSubstr("turned by 0.5"));
+}
+
+// A camera of which f_x alone was estimated: all others stay what they are.
+TEST_F(CheckOfAPair, HoldsWhatWasHeld) {
+  exact_.cameras.pop_back();
+  CameraInput& camera = exact_.cameras[0];
+  camera.fixed.assign(camera.model->params.size(), true);
+  camera.fixed[0] = false;
+  const std::vector<double> truth = MakeProblem(3, {.cameras = 2, .frames = 12}).params[0];
+  camera.initial.assign(truth.begin(), truth.end());
+  old_ = Describe(Calibrate(WithNoise(exact_, kNoise, 1), {}));
+  ASSERT_LT(old_.cameras[0].covariance(0, 0), 0.5);
+  // The session of the check holds nothing.
+  camera.fixed.assign(camera.model->params.size(), false);
+  const CalibrationCheck right = Checked();
+  const std::vector<bool>& fixed = right.fresh.bundle.cameras[0].fixed;
+  EXPECT_FALSE(fixed[0]);
+  EXPECT_EQ(std::count(fixed.begin(), fixed.end(), true), std::ssize(fixed) - 1);
+  EXPECT_TRUE(right.valid);
+  EXPECT_LT(right.cameras[0].probability, 1);
+  old_.cameras[0].params[0] += 8 * old_.cameras[0].Sigma(0);
+  const CalibrationCheck changed = Checked();
+  EXPECT_FALSE(changed.valid);
+  EXPECT_LT(changed.cameras[0].probability, 1e-3);
 }
 
 }  // namespace TEST_FILE

@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <filesystem>
+#include <sstream>
 
 #include "tests/apps/workspace.h"
 
@@ -143,6 +145,17 @@ TEST_F(CommandLine, ManPagesHaveTheTextOfTheHelp) {
                     HasSubstr("write <camera>/map_x.tiff and map_y.tiff")));
   EXPECT_THAT(Read("man1/plenocal-models.1"), HasSubstr(".SS plenocal models check\n"));
   EXPECT_THAT(Run({"help", "--help"}).out, Not(HasSubstr("--man")));
+  // Lines as they are, indented: as many begin as end, and none is within another.
+  for (const auto& entry : std::filesystem::directory_iterator(Path("man1"))) {
+    std::istringstream lines(Read("man1/" + entry.path().filename().string()));
+    bool as_it_is = false;
+    for (std::string line; std::getline(lines, line);) {
+      if (line != ".nf" && line != ".fi") continue;
+      EXPECT_EQ(as_it_is, line == ".fi") << entry.path();
+      as_it_is = line == ".nf";
+    }
+    EXPECT_FALSE(as_it_is) << entry.path();
+  }
 }
 
 TEST_F(CommandLine, ModelsListsParametersWithUnits) {

@@ -158,6 +158,19 @@ TEST_F(ApiOfAFolder, ShowsImagesOfArchivesBeneathIt) {
   EXPECT_EQ(Ask("GET", {"image", "left", "1"}).status, 400) << "a link leads out";
 }
 
+TEST_F(ApiOfAFolder, TakesJobsOfItsKinds) {
+  for (const char* kind : {"detect", "calibrate", "try"}) {
+    const Answer answer = Ask("POST", {"jobs"}, Json{{"kind", kind}}.dump());
+    EXPECT_EQ(answer.status, 202) << kind;
+    EXPECT_EQ(Json::parse(answer.body)["kind"], kind);
+  }
+  const Json jobs = jobs_->All();
+  ASSERT_EQ(jobs.size(), 3U);
+  EXPECT_EQ(jobs[1]["run"], 1) << "a calibration's run has a number";
+  EXPECT_EQ(Ask("POST", {"jobs"}, R"({"kind": "bake"})").status, 400);
+  EXPECT_EQ(jobs_->All().size(), 3U);
+}
+
 TEST_F(ApiOfAFolder, WatchesOnlyWhenAsked) {
   EXPECT_EQ(Json::parse(Ask("GET", {"state"}).body)["watching"], false);
   for (const char* body : {"{}", R"({"on": 1})", R"({"on": "true"})"}) {

@@ -76,6 +76,19 @@ TEST(Accuracy, NoiseOfAParallelPairIsThatOfItsDisparity) {
   EXPECT_NEAR(*made.beyond, kFocal * kBase / (3 * std::sqrt(2) * kNoise), 5);
 }
 
+TEST(Accuracy, OfTheCalibrationIsThatOfTheNoiseAtOneDistance) {
+  // z^2 / (f b) times sqrt(2) noise = z / b times the error of the base: nearer by this, farther
+  // off by the noise.
+  constexpr double kLength = 2e-3;
+  const RigAccuracy made =
+      Predicted(ParallelPair({.sigma_base = kLength}), {.distances = {1, 4, 40}});
+  ASSERT_TRUE(made.calibration_equals_noise);
+  const double expected = kLength * kFocal / (std::sqrt(2) * kNoise);
+  EXPECT_NEAR(*made.calibration_equals_noise, expected, 0.01 * expected);
+  EXPECT_FALSE(Predicted(ParallelPair({.sigma_base = 1e-9}), {.distances = {1, 4}})
+                   .calibration_equals_noise);
+}
+
 TEST(Accuracy, ATurnAndABaseLengthMoveZAsGeometryHasIt) {
   constexpr double kTurn = 1e-4, kLength = 1e-4, z = 3;
   const AccuracyCell turned =
