@@ -74,7 +74,6 @@ class Adjustment {
       SpacePoint& point = result_.points[number];
       point.position = position;
       point.rho = 1 / position.norm();
-      point.noise.setZero();
       point.frame_columns = points;
       point.shared.resize(3, by_calibration.cols() + points);
       const Eigen::Index row = rows_.at(number);

@@ -41,12 +41,12 @@ enum class SpaceFrame {
 
 /// A point X = o + m / rho in the rig's frame, |m| = 1; rho = 0 lies at infinity, below it nothing.
 struct SpacePoint {
-  std::string reason;                      ///< why there is none; else empty
-  Eigen::Vector3d o{0, 0, 0}, m{0, 0, 1};  ///< m, 1
-  double rho = 0;                          ///< 1 / m
-  Eigen::Vector3d position{0, 0, 0};       ///< X, m; infinite where rho <= 0
-  double sigma_rho = 0;                    ///< 1 / m, by noise and calibration
-  Eigen::Matrix3d noise{};                 ///< covariance of X by noise, m^2
+  std::string reason;                               ///< why there is none; else empty
+  Eigen::Vector3d o{0, 0, 0}, m{0, 0, 1};           ///< m, 1
+  double rho = 0;                                   ///< 1 / m
+  Eigen::Vector3d position{0, 0, 0};                ///< X, m; infinite where rho <= 0
+  double sigma_rho = 0;                             ///< 1 / m, by noise and calibration
+  Eigen::Matrix3d noise = Eigen::Matrix3d::Zero();  ///< covariance of X by noise, m^2
   /// Root of the covariance of X that points share, m: rows x, y, z, columns as `SpaceRig::root`.
   /// Two points' common covariance is the product of their roots. The last `frame_columns` columns
   /// (jitter) are common to points of one frame alone, the others to all of the calibration.

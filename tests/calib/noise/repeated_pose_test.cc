@@ -44,6 +44,21 @@ TEST(RepeatedPose, IsFoundInFramesThatDifferByNoiseOnly) {
   EXPECT_FALSE(ShowsOnePose(moving, typical));
 }
 
+// Frames are shifted to and fro: the variance of a coordinate is 1 + shift^2 times that of the noise.
+TEST(RepeatedPose, IsOneUpToThreeSigmasOfVibration) {
+  const auto shifted = [](double sigmas) {
+    Bundle bundle = StillBundle(12);
+    for (BundleObservation& observation : bundle.observations) {
+      for (size_t r = 0; r < 2; ++r) {
+        observation.seen.values[r] += (observation.frame % 2 == 0 ? 1 : -1) * sigmas * kNoise;
+      }
+    }
+    return ShowsOnePose(bundle, std::vector<double>{kNoise});
+  };
+  EXPECT_TRUE(shifted(2.5));
+  EXPECT_FALSE(shifted(3.1));
+}
+
 // Estimated poses of a still target differ by noise, which seems to determine parameters.
 TEST(RepeatedPose, LeavesOpenWhatNoiseSeemsToDetermine) {
   Bundle bundle = StillBundle(6);
