@@ -5,10 +5,14 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
+#include <vector>
 
 #include "calib/io/yaml.h"
 #include "detectors/templates/marker_template.h"
+#include "targets/target.h"
+#include "tests/targets/pattern.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -103,6 +107,47 @@ TEST(MakeMarkerTemplates, TakeOnlyWholeTags) {
     for (const double place : cells) {
       EXPECT_LT(std::min(std::abs(place - marker.margin), std::abs(size - marker.margin - place)),
                 1e-6);
+    }
+  }
+}
+
+// Against the drawing of the target that is printed.
+TEST(MakeMarkerTemplates, ArePartsOfTheTargetAsItIsPrinted) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  for (
+      const char* keys :
+      {"type: charuco\ncolumns: 5\nrows: 4\nsquare: 0.03\nmarker: 0.02\ndictionary: DICT_4X4_50\n",
+       "type: charuco\ncolumns: 4\nrows: 6\nsquare: 0.03\nmarker: 0.024\ndictionary: DICT_6X6_250\n",
+       "type: aprilgrid\ncolumns: 3\nrows: 2\nsize: 0.05\nspacing: 0.3\n"}) {
+    const Target target = TargetOf(keys);
+    const std::vector<TargetPart> parts = DrawTarget(target);
+    ASSERT_EQ(parts.size(), 1U);
+    const RigidTransform T_target_part = parts[0].T_target_part;
+    const auto templates = MakeMarkerTemplates(target, Seen(target), kNoImage);
+    EXPECT_EQ(templates.size(), target.markers.size());
+    for (const MarkerTemplate& marker : templates) {
+      const CellTemplate& pattern = std::get<CellTemplate>(marker.pattern);
+      // In units of its lines; of tags without the margin, whose brightness is not known.
+      const double first = marker.margin, last = marker.margin > 0 ? pattern.size() - first : 4;
+      const Eigen::Matrix3d image_by_cells = marker.cells_by_image.inverse();
+      int black = 0, compared = 0;
+      for (int i = 0; i < 200; ++i) {
+        const double u = first + (last - first) * uniform(random),
+                     v = first + (last - first) * uniform(random);
+        const float value = Value(marker, {u, v});
+        if (std::abs(value) < 0.99F) continue;  // near an edge
+        const Eigen::Vector2d image = (image_by_cells * Eigen::Vector3d(u, v, 1)).hnormalized(),
+                              on_target = (Camera().inverse() * image.homogeneous()).hnormalized();
+        const Eigen::Vector3d on_part =
+            T_target_part.Inverse() * Eigen::Vector3d(on_target.x(), on_target.y(), 0);
+        EXPECT_EQ(value < 0, plenocal::testing::IsBlack(parts[0], on_part.head<2>()))
+            << marker.marker;
+        black += value < 0 ? 1 : 0;
+        ++compared;
+      }
+      EXPECT_GT(compared, 50);
+      EXPECT_GT(black, 15);
     }
   }
 }
