@@ -262,6 +262,7 @@ TEST_F(TryCommand, RefusesWhatItCannotTry) {
   fails({"--models", "pinhole,pinhole"}, kWrongInput, "named twice");
   fails({"--models", "focused-plenoptic"}, kWrongInput, "do not measure the same");
   fails({"--camera", "nobody"}, kWrongInput, "no such camera");
+  fails({"--camera", "cam1"}, kWrongInput, "did you mean 'cam0'?");
   fails({"--folds", "1"}, kWrongInput, "--folds");
   fails({"--models", "pinhole"}, kJobFailed, "3 frames: too few");
 }
