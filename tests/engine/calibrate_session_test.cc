@@ -49,6 +49,17 @@ TEST(CalibrateSessions, InMemoryFindTheCameraAndWriteNothing) {
   EXPECT_EQ(std::distance(begin(after), end(after)), files);
 }
 
+TEST(CalibrateSessions, KeepStatedModelsWhateverIsAskedForTheOthers) {
+  CalibrateRequest request = RequestOf(1);
+  ASSERT_FALSE(request.session->cameras[0].auto_model);
+  const CameraModel* stated = request.session->cameras[0].model;
+  ASSERT_NE(stated->name, "pinhole-radtan");
+  request.model = "pinhole-radtan";
+  EXPECT_EQ(CalibrateSession(request, {}).record.cameras[0].model, stated);
+  request.session->cameras[0].auto_model = true;
+  EXPECT_EQ(CalibrateSession(request, {}).record.cameras[0].model->name, "pinhole-radtan");
+}
+
 TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) {
   const std::filesystem::path before = std::filesystem::current_path();
   const std::filesystem::path folder =

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,17 @@ TEST(Splined, OfAnyKnotsHasAllPropertiesOfAModel) {
       EXPECT_THAT(property.violations(Model(name)), IsEmpty()) << name << ": " << property.claim;
     }
   }
+}
+
+// Knots by rows, x before y; names have the column before the row.
+TEST(Splined, NamesItsKnotsByColumnAndRow) {
+  const std::span<const Param> params = Model("splined-11x8").params;
+  ASSERT_EQ(params.size(), 5U + 2 * 11 * 8);
+  EXPECT_EQ(params[5].name, "x_00_00");
+  EXPECT_EQ(params[6].name, "y_00_00");
+  EXPECT_EQ(params[7].name, "x_01_00");
+  EXPECT_EQ(params[5 + 2 * 11].name, "x_00_01");
+  EXPECT_EQ(params.back().name, "y_10_07");
 }
 
 TEST(Splined, ProjectsAsMrcal) {

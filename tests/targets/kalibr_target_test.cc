@@ -25,6 +25,18 @@ const std::string kKalibrCircles =
     "target_type: 'circlegrid'\ntargetCols: 6\ntargetRows: 7\nspacingMeters: 0.02\n"
     "asymmetricGrid: False\n";
 
+TEST(KalibrTarget, ReadsGridsOfTwoRows) {
+  for (const char* rows : {"2", "7"}) {
+    std::string text = kKalibrCircles;
+    text.replace(text.find("targetRows: 7"), 13, std::string("targetRows: ") + rows);
+    const auto circles = std::get<CirclesLayout>(Read(text).layout);
+    EXPECT_EQ(circles.columns, 6);
+    EXPECT_EQ(circles.rows, std::stoi(rows));
+    EXPECT_EQ(circles.spacing, 0.02);
+    EXPECT_FALSE(circles.asymmetric);
+  }
+}
+
 TEST(KalibrTarget, ReadsKalibrsAprilgrid) {
   const Target target = Read(kKalibrGrid);
   const auto& layout = std::get<TagLayout>(target.layout);
