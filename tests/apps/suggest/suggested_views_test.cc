@@ -146,6 +146,28 @@ TEST(SuggestedViews, AreDrawnWhereTheCamerasShouldShowThem) {
     for (const Eigen::Vector2d& u : markers) {
       EXPECT_TRUE(IsColour(picture, at(u), kMark)) << u.transpose();
     }
+    std::vector<cv::Point2f> outline;
+    for (const Eigen::Vector2d& u : suggested.views.views[i / 2].outlines.at(c).at(0)) {
+      outline.emplace_back(static_cast<float>(u.x()), static_cast<float>(u.y()));
+    }
+    int beside = 0, drawn = 0;  // of the points so far those that the target does not cover
+    for (const BundleObservation& seen : rig.bundle.observations) {
+      if (seen.camera != static_cast<int>(c) || !seen.used) continue;
+      const Eigen::Vector2d u(seen.seen.values[0], seen.seen.values[1]);
+      const cv::Point2f place(static_cast<float>(u.x()), static_cast<float>(u.y()));
+      if (cv::pointPolygonTest(outline, place, true) > -5) continue;
+      ++beside;
+      drawn += IsColour(picture, at(u), kImage) ? 0 : 1;
+    }
+    EXPECT_GT(beside, 20);
+    EXPECT_GE(drawn, 0.95 * beside);
+    // The camera's name in the upper left corner: two pixels a point.
+    cv::Mat dark;
+    cv::inRange(picture(cv::Rect(images[i].x + 8, images[i].y + 6, 60, 26)),
+                cv::Scalar(0, 0, 0),
+                cv::Scalar(110, 110, 110),
+                dark);
+    EXPECT_GT(cv::countNonZero(dark), 30);
     // In the middle of four markers the target is white; only points so far are seen through it.
     int white = 0;
     for (size_t k = 0; k + 11 < markers.size(); ++k) {

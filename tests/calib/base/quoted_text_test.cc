@@ -120,6 +120,18 @@ TEST(QuotedText, ThatIsPlainStaysPlain) {
   }
 }
 
+TEST(QuotedText, OfAWordOfYamlIsQuotedInAnyCase) {
+  for (const std::string word :
+       {"null", "true", "false", "yes", "no", "on", "off", "nan", "y", "n"}) {
+    std::string upper = word, first = word;
+    for (char& c : upper) c = static_cast<char>(c - 'a' + 'A');
+    first[0] = upper[0];
+    for (const std::string& text : {word, upper, first}) {
+      EXPECT_EQ(YamlText(text), "\"" + text + "\"");
+    }
+  }
+}
+
 TEST(QuotedText, WithControlCharactersIsEscaped) {
   EXPECT_EQ(Escaped("a\x1b[2J\nb\x7f\xff"), "a\\u001b[2J\\nb\\u007f\\xff");
   EXPECT_EQ(Escaped("a\nb\x1b", "\n"), "a\nb\\u001b");
