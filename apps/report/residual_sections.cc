@@ -33,11 +33,11 @@ Json Histogram(const CalibratedCamera& camera, double noise_left) {
   int outside = 0, all = 0;
   const auto add = [&](double in_sigmas) {
     ++all;
-    const int bin = static_cast<int>(std::floor((in_sigmas + kReach) / kWidth));
-    if (bin < 0 || bin >= kBins) {
-      ++outside;
-    } else {
+    const double bin = std::floor((in_sigmas + kReach) / kWidth);
+    if (bin >= 0 && bin < kBins) {
       ++counts[static_cast<size_t>(bin)];
+    } else {
+      ++outside;
     }
   };
   for (const ResidualRow& row : camera.residuals) {

@@ -95,8 +95,9 @@ struct TailElimination {
   TailElimination(const Eigen::MatrixXd& S, Eigen::Index head, Eigen::Index tail)
       : information(S.topLeftCorner(head, head).selfadjointView<Eigen::Lower>()) {
     if (tail == 0) return;
-    const auto S_th = S.block(head, 0, tail, head);
     factor.compute(S.block(head, head, tail, tail).selfadjointView<Eigen::Lower>());
+    if (head == 0) return;
+    const auto S_th = S.block(head, 0, tail, head);
     gain = factor.solve(S_th);
     information -= S_th.transpose() * gain;
   }

@@ -294,7 +294,8 @@ constexpr double kRounding = 1e-6;  // of the largest part of an open direction
 // Standard errors; infinite where a direction in `open` has a part.
 Eigen::VectorXd SigmasOf(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& open) {
   Eigen::VectorXd sigmas = covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  const double least = open.size() > 0 ? kRounding * open.cwiseAbs().maxCoeff() : 0;
+  if (open.size() == 0) return sigmas;
+  const double least = kRounding * open.cwiseAbs().maxCoeff();
   for (Eigen::Index i = 0; i < sigmas.size(); ++i) {
     if ((open.row(i).cwiseAbs().array() > least).any())
       sigmas[i] = std::numeric_limits<double>::infinity();

@@ -130,7 +130,7 @@ std::optional<Whitened> Linearise(const SpaceRig& rig,
       }
       all.residual.segment(row, n) = root * residual;
       all.by_point.middleRows(row, n) = root * by_point;
-      all.by_theta.middleRows(row, n) = root * by_theta;
+      if (thetas > 0) all.by_theta.middleRows(row, n) = root * by_theta;
       row += n;
     }
   }

@@ -116,6 +116,7 @@ void AddOpen(const CalibratedCamera& camera, std::vector<std::string>* open) {
 
 // Adds independent numbers with these standard errors to those with L L'.
 void AppendErrors(const Eigen::VectorXd& sigmas, Eigen::MatrixXd* root) {
+  if (sigmas.size() == 0) return;
   const Eigen::Index before = root->rows(), size = before + sigmas.size();
   root->conservativeResizeLike(Eigen::MatrixXd::Zero(size, size));
   root->diagonal().tail(sigmas.size()) = sigmas;

@@ -29,7 +29,7 @@ double NoiseDistribution(double x, double skewness) {
 }  // namespace
 
 size_t LightHistogram::BinOf(double u) {
-  return static_cast<size_t>(std::sqrt(u / kMostLight) * kBins);
+  return u > 0 ? static_cast<size_t>(std::sqrt(u / kMostLight) * kBins) : 0;  // NaN: the first
 }
 
 double LightHistogram::LightOf(size_t bin) {

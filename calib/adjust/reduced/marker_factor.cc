@@ -36,6 +36,7 @@ void MarkerFactor::Compute(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
 }
 
 void MarkerFactor::Whiten(Eigen::Ref<Eigen::MatrixXd> B) const {
+  if (B.size() == 0) return;
   Eigen::Index row = 0;
   for (const Eigen::LLT<Eigen::MatrixXd>& block : blocks_) {
     auto part = B.middleRows(row, block.rows());

@@ -84,6 +84,7 @@ void AddDifferences(const ShiftedPatches& patches,
     if (block.column + kLanes <= overlap.left || block.column >= overlap.right) continue;
     const int top = std::max(block.top, overlap.top);
     const int bottom = std::min(block.bottom, overlap.bottom);
+    if (top >= bottom) continue;
     int at = top * stride + block.column;
     const float* other = patches.other + at + patches.whole_shift;
     Lanes left, right, reference, costs, counts;

@@ -343,7 +343,7 @@ Bytes BytesOf(const std::string& text) { return {text.begin(), text.end()}; }
 
 std::string Little(std::int64_t value, int bytes) {
   std::string text;
-  for (int k = 0; k < bytes; ++k) text += static_cast<char>(value >> 8 * k);
+  for (int k = 0; k < bytes; ++k) text += static_cast<char>(k < 8 ? value >> 8 * k : 0);
   return text;
 }
 
