@@ -126,7 +126,7 @@ std::optional<Whitened> Linearise(const SpaceRig& rig,
         residual[i] = one.residual[k];
         by_point.row(i) =
             one.by_point.row(k) * place.by.topRows<3>() + one.by_h[k] * place.by.row(3);
-        if (with_theta) by_theta.row(i) = one.by_theta.row(k);
+        if (thetas > 0) by_theta.row(i) = one.by_theta.row(k);
       }
       all.residual.segment(row, n) = root * residual;
       all.by_point.middleRows(row, n) = root * by_point;

@@ -190,10 +190,13 @@ TEST(PlenopticStart, OfTooFewViewsIsNone) {
   Problem problem("focused-plenoptic", Thin());
   problem.views.clear();
   EXPECT_TRUE(StartPlenoptic(Pinhole(), problem.Start()).empty());
-  EXPECT_TRUE(StartPlenopticPupil(Pinhole(), problem.Start()).empty());
-  EXPECT_TRUE(StartPlenopticThick(Pinhole(), problem.Start()).empty());
   problem.views = {View{"a", {}}};
   EXPECT_TRUE(StartPlenoptic(Pinhole(), problem.Start()).empty());
+  Problem pupil("focused-plenoptic-pupil", Thin()), thick("plenoptic-thick", Thin());
+  pupil.views.clear();
+  thick.views.clear();
+  EXPECT_TRUE(StartPlenopticPupil(Pinhole(), pupil.Start()).empty());
+  EXPECT_TRUE(StartPlenopticThick(Pinhole(), thick.Start()).empty());
 }
 
 TEST(PlenopticStart, OfAPupilApartNeedsTheFocalLength) {
