@@ -226,7 +226,8 @@ SpacePoint FitPoint(const SpaceRig& rig, std::span<const SpaceObservation> seen,
   if (!noise.allFinite() || noise.diagonal().minCoeff() <= 0) return without("no parallax");
   const Eigen::MatrixXd gain = -noise * all->by_point.transpose() * all->by_theta;
   const Eigen::MatrixXd by_root = gain * rig.root;
-  point.sigma_rho = std::sqrt(noise(2, 2) + by_root.row(2).squaredNorm());
+  const double of_calibration = by_root.cols() > 0 ? by_root.row(2).squaredNorm() : 0;
+  point.sigma_rho = std::sqrt(noise(2, 2) + of_calibration);
   if (point.rho > 0) {
     const Eigen::Matrix3d by = ByInverseDepth(point);
     point.position = point.o + point.m / point.rho;
