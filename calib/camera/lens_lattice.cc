@@ -184,8 +184,8 @@ std::optional<Matrix2d> BasisAround(std::span<const Vector2d> points,
       if (!neighbour(corner, tolerance)) return std::nullopt;
     }
     // In a hexagonal lattice with a hole, which may be in the middle of one of these cells.
-    for (const Vector2d& middle : {Vector2d(a + b), Vector2d(a - b)}) {
-      if (neighbour(middle / 2, tolerance)) return std::nullopt;
+    for (const Vector2d& diagonal : {Vector2d(a + b), Vector2d(a - b)}) {
+      if (neighbour(diagonal / 2, tolerance)) return std::nullopt;
     }
     basis << a, b;
     return basis;
