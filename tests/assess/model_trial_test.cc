@@ -195,6 +195,25 @@ TEST(TryTargets, FindsWhetherTheBoardIsAsDescribed) {
   }
 }
 
+// An error that all points of the camera share, as the cube of the radius, which no pose absorbs: a
+// frame that was held out is judged with the size that the others gave.
+TEST(TryModels, HeldOutPointsHaveTheErrorThatTheirCameraShares) {
+  SyntheticProblem problem = MakeProblem(7, {.frames = 12, .noise = kNoise, .distorted = false});
+  for (View& view : problem.input.cameras[0].views) {
+    for (Observation& seen : view.observations) {
+      const Eigen::Vector2d x(seen.values[0] - problem.params[0][2],
+                              seen.values[1] - problem.params[0][3]);
+      const Eigen::Vector2d moved = 2 * kNoise * (x / 100) * (x / 100).squaredNorm();
+      seen.values[0] += moved.x();
+      seen.values[1] += moved.y();
+      view.by_nuisance.push_back({moved.x(), moved.y()});
+    }
+  }
+  const ModelChoice choice = TryModels(problem.input, {0}, Models({"pinhole"}), {});
+  ASSERT_EQ(choice.trials.size(), 1);
+  EXPECT_NEAR(choice.trials[0].rms, std::sqrt(2) * kNoise, 0.1 * kNoise);
+}
+
 TEST(TryModels, NeedFramesToHoldOut) {
   const SyntheticProblem problem = MakeProblem(5, {.frames = 2, .noise = kNoise});
   try {

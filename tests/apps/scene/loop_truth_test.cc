@@ -379,6 +379,16 @@ TEST(LoopTruth, HasPathsOfAllCameras) {
           truth.observations)));
 }
 
+TEST(LoopTruth, SummaryHasTheLengthsOfTheSigmas) {
+  LoopTruthResult truth = Estimate(MakeLoop({}));
+  truth.covariance.scale_sigma = 0.0075;
+  Eigen::Matrix<double, 14, 1> variances;
+  variances << Vector7d::Zero(), 1e-6, 4e-6, 4e-6, 1e-6, 4e-6, 20e-6, 4e-6;
+  truth.covariance.segments = variances.asDiagonal();
+  EXPECT_THAT(LoopTruthSummary(truth),
+              HasSubstr("scale: +- 0.750 %\nend against start: +- 3 mm, 5 mrad, 0.2 % of scale\n"));
+}
+
 TEST(LoopTruth, NamesItsWeaknesses) {
   const LoopTruthResult truth = Estimate(MakeLoop({}));
   EXPECT_THAT(FindingsOf(truth, false),

@@ -71,6 +71,36 @@ TEST(GridMismatch, OfAPartOfTheImage) {
   EXPECT_THAT(GridMismatch(raw, kScene.Attenuation(array), array), HasSubstr("in 2 of 9 parts"));
 }
 
+// Two cells that show the structure of the white image with 0.3 +- `spread` of its contrast: the
+// standard error of their mean is spread / sqrt(2).
+std::string OfTwoCells(double spread) {
+  MicroLensArray array = kScene.Array();
+  array.lenses.resize(2);
+  cv::Mat white(400, 400, CV_32F, cv::Scalar(1)), raw = white.clone();
+  for (int k = 0; k < 2; ++k) {
+    const int cx = 150 + 100 * k;
+    array.lenses[k].centre = {cx, 200};
+    array.lenses[k].usable = true;
+    for (int y = -20; y <= 20; ++y) {
+      for (int x = -20; x <= 20; ++x) {
+        const double structure = 0.3 * std::sin(x) * std::sin(y);  // its mean is 0
+        white.at<float>(200 + y, cx + x) = static_cast<float>(1 + structure);
+        raw.at<float>(200 + y, cx + x) =
+            static_cast<float>(1 + (0.3 + (2 * k - 1) * spread) * structure);
+      }
+    }
+  }
+  return GridMismatch(raw, white, array);
+}
+
+// An agreement of 1/2 and less is another grid's where its standard error is below 1/6.
+TEST(GridMismatch, HasTheStandardErrorOfTheScatterBetweenCells) {
+  EXPECT_THAT(OfTwoCells(0.22),
+              AllOf(HasSubstr("(agreement 0.30 +- 0.16, "), HasSubstr("of another camera")));
+  EXPECT_THAT(OfTwoCells(0.25),
+              AllOf(HasSubstr("(agreement 0.30 +- 0.18, "), HasSubstr("too dark")));
+}
+
 TEST(GridMismatch, IsNotKnownForAnImageThatWasCorrected) {
   const MicroLensArray array = kScene.Array();
   const cv::Mat ones(400, 400, CV_32F, cv::Scalar(1));
