@@ -4,11 +4,9 @@
 #include "engine/calibrate_session.h"
 
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <future>
 #include <stdexcept>
 #include <stop_token>
@@ -20,6 +18,7 @@
 #include "engine/detect_session.h"
 #include "engine/session/memory_session.h"
 #include "tests/engine/pinhole_board.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -62,11 +61,9 @@ TEST(CalibrateSessions, KeepStatedModelsWhateverIsAskedForTheOthers) {
 
 TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) {
   const std::filesystem::path before = std::filesystem::current_path();
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("plenocal_working_" + std::to_string(getpid()));
-  std::filesystem::create_directory(folder);
-  std::ofstream(folder / "session.yaml") << "another's\n";
-  std::filesystem::current_path(folder);
+  const testing::TemporaryFolder folder;
+  folder.Write("session.yaml", "another's\n");
+  std::filesystem::current_path(folder.Path());
   CalibrateRequest request;
   request.images.images = {"none.png"};
   request.images.target = kBoard;
@@ -77,7 +74,6 @@ TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) 
     message = error.what();
   }
   std::filesystem::current_path(before);
-  std::filesystem::remove_all(folder);
   EXPECT_THAT(message, HasSubstr("none.png"));
 }
 
@@ -120,15 +116,13 @@ std::string RefusalOf(const std::vector<MemoryCamera>& cameras) {
 TEST(SessionsInMemory, NeedNoModelForAShardOfTheirImages) {
   const std::vector<std::uint8_t> pixels(640 * 480);
   const PixelView black{.data = pixels.data(), .size = {640, 480}, .stride = 640};
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("plenocal_shard_" + std::to_string(getpid()));
+  const testing::TemporaryFolder folder;
   SessionOptions options;
   options.out = folder / "out";
   options.cache = folder / "cache";
   DetectShard(
       SessionInMemory(kBoard, {{.name = "left", .images = {{"07", black}}}}), options, {}, {});
   EXPECT_TRUE(std::filesystem::exists(folder / "out/shard.csv"));
-  std::filesystem::remove_all(folder);
 }
 
 TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {

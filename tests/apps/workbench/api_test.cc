@@ -6,11 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <fstream>
-#include <sstream>
 
 #include "calib/base/error.h"
 #include "tests/apps/recording/small_images.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::workbench {
 namespace TEST_FILE {
@@ -26,11 +25,9 @@ constexpr const char* kSession =
     "cameras:\n"
     "  left: {model: pinhole-radtan, images: left/*.png}\n";
 
-class ApiOfAFolder : public ::testing::Test {
+class ApiOfAFolder : public testing::InTemporaryFolder {
  protected:
   ApiOfAFolder() {
-    std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
-    folder_ = mkdtemp(name.data());
     Write("root/session.yaml", kSession);
     Write("root/target.yaml",
           "plenocal: 1\ntype: chessboard\ncolumns: 9\nrows: 6\nsquare: 0.025\n");
@@ -43,22 +40,8 @@ class ApiOfAFolder : public ::testing::Test {
     jobs_.emplace("no program", project_->Root(), &events_);
     api_.emplace(&*project_, &*jobs_, &events_);
   }
-  ~ApiOfAFolder() override {
-    api_.reset();
-    jobs_.reset();
-    project_.reset();
-    fs::remove_all(folder_);
-  }
 
-  void Write(const std::string& name, const std::string& text) const {
-    fs::create_directories((folder_ / name).parent_path());
-    std::ofstream(folder_ / name) << text;
-  }
-  [[nodiscard]] std::string Session() const {
-    std::ostringstream text;
-    text << std::ifstream(folder_ / "root/session.yaml").rdbuf();
-    return text.str();
-  }
+  [[nodiscard]] std::string Session() const { return files_.Read("root/session.yaml"); }
 
   // The answer, or one of status 400 with the message as the server makes it.
   Answer Ask(const std::string& method,
@@ -77,7 +60,6 @@ class ApiOfAFolder : public ::testing::Test {
     }
   }
 
-  fs::path folder_;
   EventLog events_;
   std::optional<Project> project_;
   std::optional<Jobs> jobs_;

@@ -7,9 +7,7 @@
 
 #include <chrono>
 #include <csignal>
-#include <fstream>
 #include <random>
-#include <sstream>
 #include <thread>
 
 #include "apps/workbench/project/beneath.h"
@@ -17,6 +15,7 @@
 #include "apps/workbench/project/session_text.h"
 #include "apps/workbench/worker/worker_process.h"
 #include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::workbench {
 namespace TEST_FILE {
@@ -25,29 +24,13 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class Folder : public ::testing::Test {
+class Folder : public testing::InTemporaryFolder {
  protected:
-  Folder() {
-    std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
-    folder_ = mkdtemp(name.data());
-  }
-  ~Folder() override { fs::remove_all(folder_); }
-
-  void Write(const std::string& name, const std::string& text) const {
-    fs::create_directories((folder_ / name).parent_path());
-    std::ofstream(folder_ / name) << text;
-  }
-  [[nodiscard]] std::string Read(const std::string& name) const {
-    std::ostringstream text;
-    text << std::ifstream(folder_ / name).rdbuf();
-    return text.str();
-  }
+  [[nodiscard]] std::string Read(const std::string& name) const { return files_.Read(name); }
   [[nodiscard]] std::string ReadSafely(const fs::path& file) const {
     const auto content = ReadBeneath(folder_ / "data", file, 1000);
     return {content.begin(), content.end()};
   }
-
-  fs::path folder_;
 };
 
 using BeneathRoot = Folder;

@@ -5,21 +5,19 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <fstream>
 #include <thread>
+
+#include "tests/temporary_folder.h"
 
 namespace plenocal::workbench {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-class WatchOfAFolder : public ::testing::Test {
+class WatchOfAFolder : public testing::InTemporaryFolder {
  protected:
   WatchOfAFolder() {
-    std::string name = fs::temp_directory_path() / "workbench-test-XXXXXX";
-    folder_ = mkdtemp(name.data());
     Write("session.yaml",
           "plenocal: 1\ntarget: target.yaml\ncameras:\n"
           "  left: {model: pinhole, images: left/*.png}\n"
@@ -28,15 +26,7 @@ class WatchOfAFolder : public ::testing::Test {
     project_.emplace(folder_);
     watch_.emplace(&*project_);
   }
-  ~WatchOfAFolder() override {
-    project_.reset();
-    fs::remove_all(folder_);
-  }
 
-  void Write(const std::string& name, const std::string& text) const {
-    fs::create_directories((folder_ / name).parent_path());
-    std::ofstream(folder_ / name) << text;
-  }
   /// "camera frame" of what has arrived at a look half a second later.
   std::vector<std::string> Look() {
     std::this_thread::sleep_for(std::chrono::milliseconds(505));
@@ -47,7 +37,6 @@ class WatchOfAFolder : public ::testing::Test {
     return names;
   }
 
-  fs::path folder_;
   std::optional<Project> project_;
   std::optional<Watch> watch_;
 };

@@ -8,20 +8,18 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "calib/io/csv.h"
 #include "calib/io/yaml.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
 using ::testing::HasSubstr;
-namespace fs = std::filesystem;
 
 // Names that a reader of YAML or CSV would take for something else, and random ones.
 std::vector<std::string> HostileNames() {
@@ -92,25 +90,24 @@ TEST(QuotedText, IsReadByPythonAsItWas) {
   if (std::system((python + " -c 'import yaml' 2>/dev/null").c_str()) != 0) {
     GTEST_SKIP() << "needs " << python << " with PyYAML";
   }
-  const fs::path folder = fs::temp_directory_path() / "plenocal_quoted_text_test";
-  fs::create_directories(folder);
+  const testing::TemporaryFolder folder;
   const std::vector<std::string> names = HostileNames();
-  std::ofstream(folder / "names.yaml") << YamlOf(names);
-  std::ofstream(folder / "names.csv") << CsvOf(names);
+  folder.Write("names.yaml", YamlOf(names));
+  folder.Write("names.csv", CsvOf(names));
   std::string lines;
   for (const std::string& name : names) lines += name + "\n";
-  std::ofstream(folder / "names.txt") << lines;
-  std::ofstream(folder / "compare.py")
-      << "import csv, yaml\n"
-         "names = open('names.txt', encoding='utf-8', newline='').read().split('\\n')[:-1]\n"
-         "root = yaml.safe_load(open('names.yaml', encoding='utf-8'))\n"
-         "assert root['flow'] == names\n"
-         "assert root['block'] == names\n"
-         "assert [list(m)[0] for m in root['keys']] == names\n"
-         "rows = list(csv.reader(open('names.csv', encoding='utf-8', newline='')))[1:]\n"
-         "assert [r[0] for r in rows] == names and [r[2] for r in rows] == names\n";
-  EXPECT_EQ(std::system(("cd '" + folder.string() + "' && " + python + " compare.py").c_str()), 0);
-  fs::remove_all(folder);
+  folder.Write("names.txt", lines);
+  folder.Write("compare.py",
+               "import csv, yaml\n"
+               "names = open('names.txt', encoding='utf-8', newline='').read().split('\\n')[:-1]\n"
+               "root = yaml.safe_load(open('names.yaml', encoding='utf-8'))\n"
+               "assert root['flow'] == names\n"
+               "assert root['block'] == names\n"
+               "assert [list(m)[0] for m in root['keys']] == names\n"
+               "rows = list(csv.reader(open('names.csv', encoding='utf-8', newline='')))[1:]\n"
+               "assert [r[0] for r in rows] == names and [r[2] for r in rows] == names\n");
+  EXPECT_EQ(
+      std::system(("cd '" + folder.Path().string() + "' && " + python + " compare.py").c_str()), 0);
 }
 
 TEST(QuotedText, ThatIsPlainStaysPlain) {

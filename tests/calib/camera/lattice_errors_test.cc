@@ -3,11 +3,9 @@
 // Errors of fitted lattices against Monte Carlo, and their file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
 
@@ -16,11 +14,11 @@
 #include "calib/camera/lens_lattice.h"
 #include "calib/camera/micro_lens_array.h"
 #include "tests/calib/random.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
 using testing::Random;
 
 constexpr ImageSize kSize{820, 780};
@@ -118,12 +116,10 @@ TEST(LatticeErrors, OfFewMicroLensesAreThoseOfANominalGrid) {
   EXPECT_NEAR((errors.Terms({409.5, 389.5}).transpose() * root).norm(), 0.1, 1e-12);
 }
 
-class LatticeFile : public ::testing::Test {
+class LatticeFile : public testing::InTemporaryFolder {
  protected:
-  void TearDown() override { fs::remove(path_); }
-
-  std::string MessageOf(const std::string& content) {
-    std::ofstream(path_) << content;
+  [[nodiscard]] std::string MessageOf(const std::string& content) const {
+    Write("lattice.yaml", content);
     try {
       ReadLatticeErrors(path_, kSize);
     } catch (const Error& error) {
@@ -132,8 +128,7 @@ class LatticeFile : public ::testing::Test {
     return {};
   }
 
-  fs::path path_ =
-      fs::temp_directory_path() / ("plenocal_lattice_" + std::to_string(::getpid()) + ".yaml");
+  const std::filesystem::path path_ = Path("lattice.yaml");
 };
 
 TEST_F(LatticeFile, IsReadAsWritten) {

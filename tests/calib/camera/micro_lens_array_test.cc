@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <numbers>
 #include <regex>
 #include <string>
@@ -18,6 +17,7 @@
 #include "calib/camera/lens_lattice.h"
 #include "calib/files/raytrix_grid.h"
 #include "tests/optional_data.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -45,15 +45,9 @@ MicroLensArray Example() {
   return array;
 }
 
-class MicroLensFile : public ::testing::Test {
+class MicroLensFile : public testing::InTemporaryFolder {
  protected:
-  MicroLensFile()
-      : path_(fs::temp_directory_path() /
-              ("plenocal_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()) +
-               ".csv")) {}
-  ~MicroLensFile() override { fs::remove(path_); }
-  void Write(const std::string& text) const { std::ofstream(path_) << text; }
+  void Write(const std::string& text) const { files_.Write("array.csv", text); }
   [[nodiscard]] std::string Message() const {
     try {
       ReadMicroLenses(path_, kSize);
@@ -63,7 +57,7 @@ class MicroLensFile : public ::testing::Test {
     return "";
   }
 
-  fs::path path_;
+  const fs::path path_ = Path("array.csv");
 };
 
 TEST_F(MicroLensFile, ReadsWhatItWrites) {
@@ -183,10 +177,9 @@ TEST(RayCalibData, IsReadAsItIsWritten) {
       }
     }
     SetLatticeVectors(&array);
-    const fs::path path = fs::temp_directory_path() / "plenocal_written_ray_calib.xml";
-    std::ofstream(path) << RayCalibDataXml(array);
-    const MicroLensArray read = ReadRayCalibData(path, array.image_size);
-    fs::remove(path);
+    const testing::TemporaryFolder files;
+    const MicroLensArray read =
+        ReadRayCalibData(files.Write("a.xml", RayCalibDataXml(array)), array.image_size);
     EXPECT_EQ(read.types, types);
     ASSERT_EQ(read.lenses.size(), array.lenses.size());
     size_t checked = 0;
@@ -238,19 +231,8 @@ std::string RayCalibDataOf(std::string_view old = {}, std::string_view other = {
 }
 
 MicroLensArray ReadRayCalibText(const std::string& text) {
-  const fs::path path =
-      fs::temp_directory_path() /
-      ("plenocal_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-  std::ofstream(path) << text;
-  const auto remove = [&] { fs::remove(path); };
-  try {
-    MicroLensArray array = ReadRayCalibData(path, kSize);
-    remove();
-    return array;
-  } catch (const Error&) {
-    remove();
-    throw;
-  }
+  const testing::TemporaryFolder files;
+  return ReadRayCalibData(files.Write("a.xml", text), kSize);
 }
 
 TEST(RayCalibData, HasYUpAndAnglesToTheLeft) {
@@ -326,15 +308,8 @@ TEST(LatticeVectors, AreThoseInTheMiddleOfTheImage) {
 }
 
 TEST(RayCalibData, SaysWhatIsWrong) {
-  const fs::path path = fs::temp_directory_path() / "plenocal_not_ray_calib.xml";
-  std::ofstream(path) << "<Other/>";
-  try {
-    ReadRayCalibData(path, kSize);
-    ADD_FAILURE();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), ::testing::HasSubstr("RayCalibData"));
-  }
-  fs::remove(path);
+  EXPECT_THAT(testing::RefusalOf([] { ReadRayCalibText("<Other/>"); }),
+              ::testing::HasSubstr("RayCalibData"));
 }
 
 }  // namespace TEST_FILE

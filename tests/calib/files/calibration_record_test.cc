@@ -6,10 +6,8 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <fstream>
 #include <functional>
 #include <limits>
 
@@ -18,6 +16,7 @@
 #include "calib/files/calibration_tables.h"
 #include "calib/io/input_file.h"
 #include "models/registry.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -133,30 +132,14 @@ CalibrationRecord Record() {
   return record;
 }
 
-class RecordFiles : public ::testing::Test {
+class RecordFiles : public testing::InTemporaryFolder {
  protected:
-  RecordFiles() { std::filesystem::create_directories(folder_); }
-  ~RecordFiles() override { std::filesystem::remove_all(folder_); }
-
-  std::filesystem::path Write(const char* name, const std::string& text) {
-    std::ofstream(folder_ / name, std::ios::binary) << text;
-    return folder_ / name;
-  }
   CalibrationRecord Again(const CalibrationRecord& record) {
     return ReadCalibration(Write("calibration.yaml", CalibrationYaml(record)), CameraModels());
   }
   static std::string MessageOf(const std::function<void()>& read) {
-    try {
-      read();
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kInput);
-      return error.what();
-    }
-    return "no error";
+    return testing::RefusalOf(read);
   }
-
-  std::filesystem::path folder_ =
-      std::filesystem::temp_directory_path() / ("plenocal_record_" + std::to_string(::getpid()));
 };
 
 void ExpectSame(const RigidTransform& a, const RigidTransform& b, double tolerance) {
@@ -521,7 +504,7 @@ TEST_F(RecordFiles, RefuseCorrelationsThatAreNone) {
   EXPECT_EQ(message("a,1,0.333333333333,0.333333333333\n"
                     "b,0.333333333333,1,-0.777777777778\n"
                     "c,0.333333333333,-0.777777777778,1\n"),
-            "no error");
+            "no refusal");
   EXPECT_THAT(message("a,1,0,0\nb,0,1,1.5\nc,0,1.5,1\n"),
               HasSubstr("correlations.csv: the correlation of b and c is 1.5, which is not from"));
   EXPECT_THAT(message("a,1,0,0\nb,0,1,0.5\nc,0,0.4,1\n"),

@@ -3,11 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <fstream>
-
-#include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -33,24 +30,14 @@ CameraModel ThroughALens() {
   return model;
 }
 
-class Detections : public ::testing::Test {
+class Detections : public testing::InTemporaryFolder {
  protected:
-  ~Detections() override { std::filesystem::remove(path_); }
-  std::vector<View> Read(const std::string& text, const CameraModel& model) {
-    std::ofstream(path_) << text;
-    return ReadDetections(path_, model);
+  [[nodiscard]] std::vector<View> Read(const std::string& text, const CameraModel& model) const {
+    return ReadDetections(Write("detections.csv", text), model);
   }
-  std::string MessageOf(const std::string& text, const CameraModel& model) {
-    try {
-      Read(text, model);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kInput);
-      return error.what();
-    }
-    return "no error";
+  [[nodiscard]] std::string MessageOf(const std::string& text, const CameraModel& model) const {
+    return testing::RefusalOf([&] { (void)Read(text, model); });
   }
-  std::filesystem::path path_ = std::filesystem::temp_directory_path() /
-                                ("plenocal_detections_" + std::to_string(::getpid()) + ".csv");
 };
 
 TEST_F(Detections, ComeBackFromTheirTable) {
@@ -133,7 +120,7 @@ TEST_F(Detections, MayShowAMarkerOnceAMicroLens) {
 }
 
 TEST_F(Detections, AreRefusedWithFileAndLine) {
-  const std::string file = path_.string();
+  const std::string file = Path("detections.csv").string();
   const std::string head = "frame,marker,x,y,sigma\n0,1,2,3,0.1\n";
   const auto message = [&](const std::string& row) { return MessageOf(head + row, Ordinary()); };
   for (const char* row :
@@ -150,8 +137,8 @@ TEST_F(Detections, AreRefusedWithFileAndLine) {
   EXPECT_THAT(MessageOf("frame,marker,x\n", Ordinary()),
               AllOf(HasSubstr(":1: column 'y' is missing"), HasSubstr("ordinary")));
   EXPECT_THAT(MessageOf("frame,marker,x,y\n", ThroughALens()), HasSubstr("'lens_x' is missing"));
-  path_ = "/nowhere/d.csv";
-  EXPECT_THAT(MessageOf("", Ordinary()), HasSubstr("/nowhere/d.csv: no such file"));
+  EXPECT_THAT(testing::RefusalOf([] { (void)ReadDetections("/nowhere/d.csv", Ordinary()); }),
+              HasSubstr("/nowhere/d.csv: no such file"));
 }
 
 }  // namespace TEST_FILE

@@ -4,9 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -14,20 +13,14 @@ namespace TEST_FILE {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class FrameImages : public ::testing::Test {
+class FrameImages : public testing::InTemporaryFolder {
  protected:
   FrameImages() {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
     for (const char* name : {"a2.JPG", "a1.png", "b1.png", "notes.txt", ".hidden.png"}) {
-      std::ofstream(folder_ / name) << "x";
+      Write(name, "x");
     }
   }
-  ~FrameImages() override { std::filesystem::remove_all(folder_); }
 
-  [[nodiscard]] std::string Path(const std::string& name) const {
-    return (folder_ / name).string();
-  }
   [[nodiscard]] std::vector<std::string> Frames(const std::vector<std::string>& patterns) const {
     std::vector<std::string> frames;
     for (const FrameImage& image : ExpandImages(patterns, "left: images")) {
@@ -35,9 +28,6 @@ class FrameImages : public ::testing::Test {
     }
     return frames;
   }
-
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
-                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(FrameImages, OfAFolderAreItsImagesByName) {
@@ -49,18 +39,16 @@ TEST_F(FrameImages, OfAListAreThoseOfItsPatterns) {
 }
 
 TEST_F(FrameImages, MustBeToldApart) {
-  try {
-    (void)Frames({Path("a*.png"), Path("b*.png")});
-    FAIL() << "two images of frame 1";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("both belong to frame '1'"));
-  }
+  EXPECT_THAT(testing::RefusalOf([&] {
+                (void)Frames({Path("a*.png"), Path("b*.png")});
+              }),
+              HasSubstr("both belong to frame '1'"));
 }
 
 TEST_F(FrameImages, MustBeThere) {
   std::filesystem::create_directory(folder_ / "empty");
-  for (const std::string& pattern : {Path("c*.png"), Path("empty")}) {
-    EXPECT_THROW((void)Frames({pattern}), Error) << pattern;
+  for (const char* pattern : {"c*.png", "empty"}) {
+    EXPECT_THROW((void)Frames({Path(pattern)}), Error) << pattern;
   }
 }
 

@@ -6,14 +6,13 @@
 
 #include <array>
 #include <chrono>
-#include <filesystem>
-#include <fstream>
 #include <locale>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -305,17 +304,15 @@ TEST(Yaml, SurvivesGarbage) {
 }
 
 TEST(Yaml, SaysWhatIsWrongWithAFile) {
-  const std::filesystem::path folder =
-      std::filesystem::path(::testing::TempDir()) / "yaml_test_files";
-  std::filesystem::create_directories(folder);
+  const testing::TemporaryFolder folder;
   EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder / "absent.yaml"); }),
               HasSubstr("absent.yaml: no such file; check the path"));
-  EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder); }), HasSubstr("is a directory"));
-  std::ofstream(folder / "good.yaml") << "plenocal: 1\r\nsize: 0.088q\r\n";
+  EXPECT_THAT(MessageOf([&] { return YamlNode::ReadFile(folder.Path()); }),
+              HasSubstr("is a directory"));
+  folder.Write("good.yaml", "plenocal: 1\r\nsize: 0.088q\r\n");
   EXPECT_THAT(
       MessageOf([&] { return YamlNode::ReadFile(folder / "good.yaml").At("size").AsLength(); }),
       HasSubstr("good.yaml:2:7: size: expected a length in metres or with its unit, got '0.088q'"));
-  std::filesystem::remove_all(folder);
 }
 
 TEST(Yaml, DumpsWhatReadsEqual) {

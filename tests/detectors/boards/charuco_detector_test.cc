@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -13,6 +11,7 @@
 #include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
 #include "tests/targets/aruco_cells.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -160,10 +159,7 @@ TEST(CharucoDetector, AsksForTheLayoutWhereTheImageCannotTell) {
 
 TEST(CharucoDetector, AllImagesOfACameraDecideTheLayout) {
   const Eigen::Matrix3d H_part = TiltedView(40, 0, -50, -60), H_whole = TiltedView(30, 0.1, 30, 25);
-  const std::filesystem::path folder =
-      std::filesystem::path(::testing::TempDir()) / "plenocal_charuco_layout";
-  std::filesystem::remove_all(folder);
-  std::filesystem::create_directories(folder);
+  const TemporaryFolder folder;
   std::vector<FrameImage> images;
   const auto add = [&](const std::string& frame, bool legacy, const Eigen::Matrix3d& H) {
     images.push_back({frame, folder / (frame + ".png")});
@@ -205,7 +201,6 @@ TEST(CharucoDetector, AllImagesOfACameraDecideTheLayout) {
   // Those that none decides.
   std::erase_if(images, [](const FrameImage& image) { return image.frame != "part"; });
   EXPECT_THAT(detect(1, nullptr).left_out.at(0).reason, ::testing::HasSubstr("state legacy"));
-  std::filesystem::remove_all(folder);
 }
 
 TEST(CharucoDetector, LeavesOutCoveredCorners) {

@@ -5,12 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "targets/target.h"
 #include "targets/target_drawing.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -72,11 +72,8 @@ cv::Mat ViewOf(const cv::Mat& print, int view, cv::Size size) {
   return image;
 }
 
-class ProposedTarget : public ::testing::Test {
+class ProposedTarget : public testing::InTemporaryFolder {
  protected:
-  ProposedTarget() { std::filesystem::create_directories(folder_); }
-  ~ProposedTarget() override { std::filesystem::remove_all(folder_); }
-
   void Save(const cv::Mat& image) {
     const auto path = folder_ / fmt::format("{}.png", images_.size());
     ASSERT_TRUE(cv::imwrite(path.string(), image));
@@ -99,8 +96,6 @@ class ProposedTarget : public ::testing::Test {
     EXPECT_EQ(proposals.looked_at, 3U);
   }
 
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
-                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::vector<FrameImage> images_;
 };
 
@@ -152,6 +147,16 @@ TEST_F(ProposedTarget, IsWhatMostImagesShow) {
   EXPECT_EQ(proposals.found[0].word, "chessboard:9x6:SIZE");
   EXPECT_EQ(proposals.found[0].images, 3U);
   EXPECT_EQ(proposals.looked_at, 6U);
+}
+
+TEST_F(ProposedTarget, OfTwoThatWhichMoreImagesShowIsFirst) {
+  Of("circles:8x6:25mm");
+  const cv::Mat chessboard = Print(TargetOfWord("chessboard:9x6:25mm"));
+  for (int view = 0; view < 2; ++view) Save(ViewOf(chessboard, view, {640, 480}));
+  const TargetProposals proposals = ProposeTargets(images_, {});
+  ASSERT_EQ(proposals.found.size(), 2U);
+  EXPECT_EQ(proposals.found[0].word, "circles:8x6:SPACING:symmetric");
+  EXPECT_EQ(proposals.found[1].word, "chessboard:9x6:SIZE");
 }
 
 TEST_F(ProposedTarget, IsNoneInNoise) {

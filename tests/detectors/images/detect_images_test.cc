@@ -4,33 +4,24 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render_pattern.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
 using ::testing::SizeIs;
 
 constexpr int kColumns = 7, kRows = 5;
 
 /// Images of a chessboard from above, files of a folder of their own.
-class DetectOrdinary : public ::testing::Test {
+class DetectOrdinary : public InTemporaryFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              (std::string("plenocal_detect_") +
-               ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-    target_.layout = ChessboardLayout{{}, kColumns, kRows, 0.03};
-  }
-  void TearDown() override { fs::remove_all(folder_); }
+  DetectOrdinary() { target_.layout = ChessboardLayout{{}, kColumns, kRows, 0.03}; }
 
   static cv::Mat Image(const RenderOptions& options = {.blur = 0.7, .noise = 2}) {
     const GrayFunction board = [](const Eigen::Vector2d& p) {
@@ -58,7 +49,6 @@ class DetectOrdinary : public ::testing::Test {
     return {bytes.begin(), bytes.end()};
   }
 
-  fs::path folder_;
   Target target_;
   std::vector<FrameImage> images_;
 };

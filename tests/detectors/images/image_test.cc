@@ -6,7 +6,6 @@
 #include <zlib.h>
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -22,24 +22,10 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-class ReadGrayTest : public ::testing::Test {
+class ReadGrayTest : public testing::InTemporaryFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              ("plenocal_image_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-    image_ = cv::Mat(48, 64, CV_8UC1);
-    cv::RNG random(1);
-    random.fill(image_, cv::RNG::UNIFORM, 0, 256);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
+  ReadGrayTest() { cv::RNG(1).fill(image_, cv::RNG::UNIFORM, 0, 256); }
 
-  fs::path Write(const std::string& name, const std::string& bytes) const {
-    std::ofstream(folder_ / name, std::ios::binary) << bytes;
-    return folder_ / name;
-  }
   static std::string Encoded(const std::string& extension, const cv::Mat& image) {
     std::vector<uchar> bytes;
     cv::imencode(extension, image, bytes);
@@ -60,8 +46,7 @@ class ReadGrayTest : public ::testing::Test {
     return message;
   }
 
-  fs::path folder_;
-  cv::Mat image_;
+  cv::Mat image_ = cv::Mat(48, 64, CV_8UC1);
 };
 
 TEST_F(ReadGrayTest, ReadsWhatLosslessFormatsHold) {
@@ -158,7 +143,8 @@ TEST_F(ReadGrayTest, RefusesMorePixelsOrBytesThanTheLargestCamerasHave) {
 }
 
 TEST_F(ReadGrayTest, NamesTheFormatThatIsNotRead) {
-  const std::string dicom = std::string(128, '\0') + "DICM";
+  std::string dicom(128, '\0');
+  dicom += "DICM";
   const std::string jp2("\0\0\0\x0cjP  \r\n\x87\n", 12);
   const std::map<std::string, std::string> names{{"GIF89a", "GIF"},
                                                  {"RIFF....WEBPVP8 ", "WebP"},

@@ -5,7 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
 #include "detectors/apriltag/apriltag_library.h"
@@ -13,6 +12,7 @@
 #include "detectors/plenoptic/white/lattice_period.h"
 #include "detectors/types/marker_detectors.h"
 #include "targets/tags/tag_family.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -78,19 +78,13 @@ TEST(TinyImages, ShowNoMicroLenses) {
   });
 }
 
-class TinyImageFiles : public ::testing::Test {
+class TinyImageFiles : public testing::InTemporaryFolder {
  protected:
-  TinyImageFiles() { std::filesystem::create_directories(folder_); }
-  ~TinyImageFiles() override { std::filesystem::remove_all(folder_); }
-
   std::vector<FrameImage> Saved(const cv::Mat& image) const {
     const auto path = folder_ / "a.png";
     cv::imwrite(path.string(), image);
     return {{"a", path}};
   }
-
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
-                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(TinyImageFiles, ProposeNoTarget) {

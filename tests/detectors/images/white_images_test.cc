@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -16,11 +15,11 @@
 
 #include "calib/base/error.h"
 #include "detectors/images/attenuation.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -47,17 +46,8 @@ cv::Mat Sample(const Field& field, int type, unsigned seed, double noise = 1) {
   return image;
 }
 
-class AverageWhiteImagesTest : public ::testing::Test {
+class AverageWhiteImagesTest : public testing::InTemporaryFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              ("plenocal_white_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   void Add(const cv::Mat& image) {
     const std::string frame = std::to_string(images_.size());
     images_.push_back({frame, folder_ / (frame + ".png")});
@@ -69,16 +59,9 @@ class AverageWhiteImagesTest : public ::testing::Test {
     }
   }
   [[nodiscard]] std::string Message(ErrorKind kind) const {
-    try {
-      AverageWhiteImages(images_, 1);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind);
-      return error.what();
-    }
-    return "(no error)";
+    return testing::RefusalOf([&] { AverageWhiteImages(images_, 1); }, kind);
   }
 
-  fs::path folder_;
   std::vector<FrameImage> images_;
   unsigned seed_ = 0;
 };
@@ -142,6 +125,16 @@ TEST_F(AverageWhiteImagesTest, FullScaleIsThatOfTheBitsInUse) {
   Add(Sample(high, CV_16U, 1, 0));
   Add(Sample(high, CV_16U, 2, 0));
   EXPECT_EQ(AverageWhiteImages(images_, 1).full_scale, 16 * 4095);
+}
+
+TEST_F(AverageWhiteImagesTest, FullScaleIsThatOfAllColumnsOfAColour) {
+  // 12 bits in the lower bits of 16; the highest is set in the last columns alone.
+  cv::Mat colour;
+  cv::merge(std::vector<cv::Mat>(
+                3, Sample([](int x, int) { return x < 140 ? 1500 : 2500; }, CV_16U, 1, 20)),
+            colour);
+  Add(colour);
+  EXPECT_EQ(AverageWhiteImages(images_, 1).full_scale, 4095);
 }
 
 TEST_F(AverageWhiteImagesTest, CountsSaturatedAndBlackPixels) {

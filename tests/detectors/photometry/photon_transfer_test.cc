@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -16,11 +15,11 @@
 
 #include "calib/io/yaml.h"
 #include "detectors/images/white_images.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
-namespace fs = std::filesystem;
 using ::testing::IsEmpty;
 
 constexpr int kWidth = 320, kHeight = 240;
@@ -37,17 +36,8 @@ double FallOff(int x, int y) {
   return std::pow(1 / (1 + 2 * (u * u + v * v)), 2);
 }
 
-class PhotonTransferTest : public ::testing::Test {
+class PhotonTransferTest : public testing::InTemporaryFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              ("plenocal_noise_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   /// Raw values of 12 bits; lamp and its place vary by percents from image to image.
   void AddRaw(int count, double level, const Faults& faults = {}) {
     std::mt19937 random(7);
@@ -79,7 +69,6 @@ class PhotonTransferTest : public ::testing::Test {
     return MeasurePhotonTransfer(images_, AverageWhiteImages(images_, 1), bayer);
   }
 
-  fs::path folder_;
   std::vector<FrameImage> images_;
 };
 

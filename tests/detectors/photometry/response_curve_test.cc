@@ -6,12 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "calib/base/error.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -70,11 +68,9 @@ TEST(ResponseCurve, HasItsBordersBetweenTheValues) {
 }
 
 TEST(ResponseCurve, IsReadAsItIsWritten) {
-  const std::filesystem::path path =
-      std::filesystem::temp_directory_path() / "plenocal_response_curve.txt";
+  const testing::TemporaryFolder files;
   const auto read = [&](const std::string& text) {
-    std::ofstream(path) << text;
-    return ReadResponse(path);
+    return ReadResponse(files.Write("curve.txt", text));
   };
   const ResponseCurve curve(Table());
   const std::string text = PcalibText(curve);
@@ -83,12 +79,7 @@ TEST(ResponseCurve, IsReadAsItIsWritten) {
     EXPECT_NEAR(again.Light(k), curve.Light(k), 1e-6);
   }
   const auto refused = [&](const std::string& wrong) {
-    try {
-      read(wrong);
-      return std::string("nothing");
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
+    return testing::RefusalOf([&] { read(wrong); });
   };
   EXPECT_THAT(refused("1 2 3"), HasSubstr("expected 256 numbers, found 3"));
   std::string row;
@@ -99,13 +90,12 @@ TEST(ResponseCurve, IsReadAsItIsWritten) {
     }
     return refused(row);
   };
-  EXPECT_EQ(with(0, "0"), "nothing");
+  EXPECT_EQ(with(0, "0"), "no refusal");
   EXPECT_THAT(with(7, "seven"), HasSubstr("value 7: expected a number, found 'seven'"));
   EXPECT_THAT(with(7, "nan"), HasSubstr("value 7"));
   EXPECT_THAT(with(7, "6"), HasSubstr("value 7 (6) does not exceed the one before (6)"));
   EXPECT_THAT(with(1, "-1"), HasSubstr("value 1 (-1) does not exceed the one before (0)"));
   EXPECT_THAT(with(255, "1e320"), HasSubstr("255"));
-  std::filesystem::remove(path);
 }
 
 TEST(LightOf, IsTheLightOfEachPixelAndChannel) {

@@ -35,6 +35,7 @@
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render.h"
 #include "tests/optional_data.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -465,8 +466,7 @@ TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {
   const cv::Size size(400, 320);
   const Eigen::Vector2d axis(205, 150);
   constexpr double kBarrel = 1.5e-6;  // px^-2
-  const auto folder = std::filesystem::path(::testing::TempDir()) / "plenocal_bent_edges";
-  std::filesystem::create_directories(folder);
+  const testing::TemporaryFolder folder;
   std::vector<FrameImage> images;
   std::vector<std::function<Eigen::Vector2d(const Eigen::Vector2d&)>> image_of;
   double alone = 0;
@@ -494,7 +494,6 @@ TEST(TagDetector, AllImagesOfACameraTogetherSayHowItsLensBendsEdges) {
     cv::imwrite(images.back().path.string(), gray);
   }
   const ImageDetections together = DetectImages(images, board.target, CameraOptics::kOrdinary, {});
-  std::filesystem::remove_all(folder);
   ASSERT_THAT(together.views, SizeIs(kImages));
   double error = 0;
   for (std::size_t i = 0; i < kImages; ++i) {

@@ -10,6 +10,7 @@
 #include "engine/session/memory_session.h"
 #include "models/registry.h"
 #include "tests/engine/observe/earlier_detections.h"
+#include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -168,15 +169,13 @@ TEST_F(DetectedObservations, AreThoseOfEachCamerasImages) {
 TEST_F(DetectedObservations, ArePicturesOnDemand) {
   session_.cameras.pop_back();
   session_.cameras[0].given_images = earlier_.Images("left", {{"a", In(Points(10))}});
-  std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("plenocal_pictures_" + std::to_string(::getpid()));
+  const testing::TemporaryFolder folder;
   {
-    OutputFolder out(folder);
+    OutputFolder out(folder.Path());
     Collect(&out);
     out.Commit();
   }
   EXPECT_TRUE(exists(folder / "images/left/a.png"));
-  std::filesystem::remove_all(folder);
 }
 
 TEST_F(DetectedObservations, StandBesideThoseOfMemoryAndAChoiceOfFrames) {
