@@ -193,11 +193,12 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
   for (const CentralView* view : {&first, &second}) CheckDistance(*view, request, run);
   const Cameras cameras{&first.camera(), &second.camera()};
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
-  const StereoImages images = KeepPairs(FindImages(request, cameras), run);
+  StereoImages found = FindImages(request, cameras);
+  for (const std::vector<FrameImage>& of_camera : found) CheckImageNames(of_camera);
+  const StereoImages images = KeepPairs(std::move(found), run);
   if (request.preview && images[0].empty()) {
     throw InputError("--preview: there are no images; give LEFT RIGHT or --session");
   }
-  for (size_t c = 0; c < 2; ++c) CheckImageNames(images[c]);
   OutputFolder out(request.out);
   out.RefuseInputs({"calibration.yaml"});
   Encoded encoded;

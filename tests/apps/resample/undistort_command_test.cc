@@ -277,9 +277,14 @@ TEST_F(Undistort, CamerasWithoutASingleCentreAreExactAtADistance) {
                 {"distance: expected a number from 0.001"});
   Done({"rectify", calibration, "-o", "out", "--distance", "0.5"});
   EXPECT_THAT(Read("out/calibration.yaml"), HasSubstr("exact_at: \"left 0.5 m, right 0.5 m\""));
-  EXPECT_THAT(
-      Done({"map", calibration, "--camera", "right", "-o", "map"}),
-      HasSubstr("camera 'right': equidistant+pupil has no single centre; the map is exact"));
+  SaveColours("a.png");
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"map", calibration, "--camera", "right", "-o", "map"},
+        {"undistort", calibration, "--camera", "right", "a.png", "-o", "undistorted"}}) {
+    EXPECT_THAT(
+        Done(command),
+        HasSubstr("camera 'right': equidistant+pupil has no single centre; the map is exact"));
+  }
 }
 
 TEST_F(Undistort, WhatCannotBeIsRefused) {
@@ -519,6 +524,14 @@ TEST_F(RectifyPair, FoldersArePairs) {
   }
   ExpectRefused(
       kWrongInput, {"rectify", "pair.yaml", "l", "-o", "out"}, {"neither a folder 'one'", "LEFT"});
+  // Two images of one frame, of which a pair could have only one.
+  fs::create_directories(Path("twice"));
+  for (const char* name : {"one_a.png", "_aone.png", "two_a.png"}) {
+    SaveColours(std::string("twice/") + name);
+  }
+  ExpectRefused(kWrongInput,
+                {"rectify", "pair.yaml", "twice", "-o", "out"},
+                {"one_a.png", "_aone.png", "named '_a.png'"});
 }
 
 TEST_F(RectifyPair, OneFileIsNoPair) {
