@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A folder for the files of one test, and the message with which a function refuses them.
+// A folder for the files of one test.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,8 +10,6 @@
 #include <fstream>
 #include <iterator>
 #include <string>
-
-#include "calib/base/error.h"
 
 namespace plenocal::testing {
 
@@ -53,28 +51,5 @@ class InTemporaryFolder : public ::testing::Test {
   TemporaryFolder files_;
   const std::filesystem::path folder_ = files_.Path();
 };
-
-/// The message of the error of this kind that `run` throws.
-template <typename Run>
-std::string RefusalOf(const Run& run, ErrorKind kind = ErrorKind::kInput) {
-  try {
-    run();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind);
-    return error.what();
-  }
-  return "no refusal";
-}
-
-/// "input: " or "job: " and the message with which `call` refuses; "" if it does not.
-template <typename Call>
-std::string Refusal(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return (error.kind() == ErrorKind::kInput ? "input: " : "job: ") + std::string(error.what());
-  }
-  return {};
-}
 
 }  // namespace plenocal::testing

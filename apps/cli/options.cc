@@ -83,11 +83,11 @@ void AddImageSize(CLI::App* app, std::optional<ImageSize>* size, const std::stri
         ImageSize found{};
         const char* const end = text.data() + text.size();
         const auto width = std::from_chars(text.data(), end, found[0]);
-        if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+        if (*width.ptr == 'x') {
           const auto height = std::from_chars(width.ptr + 1, end, found[1]);
           *size = found;
-          const bool fits = height.ec == std::errc() && height.ptr == end;
-          if (fits && found[0] > 0 && found[1] > 0) return;
+          // A number that cannot be read stays 0.
+          if (height.ptr == end && found[0] > 0 && found[1] > 0) return;
         }
         throw InputError("--size: expected WIDTHxHEIGHT such as 640x480, found '{}'", text);
       },

@@ -41,11 +41,9 @@ ViewTarget MakeViewTarget(const Target& target) {
   }
   shape.finest = std::numeric_limits<double>::infinity();
   for (const TargetPart& part : DrawTarget(target)) {
-    const bool board = part.tags.empty() && part.black_discs.empty() && part.squares.has_value();
-    const bool discs = !part.black_discs.empty();
-    shape.found_in_part |=
-        !part.tags.empty() || std::holds_alternative<CharucoLayout>(target.layout);
-    const bool coarse = (board || discs) && !std::holds_alternative<CharucoLayout>(target.layout);
+    const bool charuco = std::holds_alternative<CharucoLayout>(target.layout);
+    shape.found_in_part |= !part.tags.empty() || charuco;
+    const bool coarse = (part.squares || !part.black_discs.empty()) && !charuco;
     shape.finest = std::min(shape.finest, coarse ? part.finest / kDetailsOfSquare : part.finest);
     shape.outlines.push_back(PaperOutline(part));
   }

@@ -38,6 +38,10 @@ std::vector<std::string> BadFindings(const CalibrationCheck& check) {
   std::vector<std::string> bad;
   for (const Finding& finding : JudgeCheck(check).findings) {
     EXPECT_EQ(finding.limit, check.level);
+    const auto camera = std::ranges::find(check.cameras, finding.cameras.at(0), &CameraCheck::name);
+    EXPECT_EQ(
+        finding.value,
+        finding.code == "mount_changed" ? camera->extrinsics_probability : camera->probability);
     EXPECT_EQ(finding.remedy.empty(), finding.grade != Grade::kBad);
     if (finding.grade == Grade::kBad) bad.push_back(finding.code + " " + finding.cameras[0]);
   }

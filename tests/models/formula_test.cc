@@ -18,6 +18,7 @@
 #include "models/formula/model.h"
 #include "models/formula/tape.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -40,6 +41,11 @@ constexpr Written kFisheye{"kannala-brandt4",
                            " k_4: {scale: 0.027}}\n"
                            "radius: theta*(1 + sum(i, 1, 4, k_i*theta^(2*i)))\n"
                            "example: [210, 212, 322, 243, -0.01, 0.003, -0.0002, 0.00001]\n"};
+constexpr Written kRadial{"pinhole-radial3",
+                          "source: Brown, Photogrammetric Engineering 1971\n"
+                          "params: {A_0: {}, A_1: {}, A_2: {}}\n"
+                          "radius: r*(1 + A_0*r^2 + A_1*r^4 + A_2*r^6)\n"
+                          "example: [400, 405, 322, 243, -0.2, 0.06, -0.008]\n"};
 constexpr Written kDoubleSphere{
     "double-sphere",
     "source: Usenko, Demmel and Cremers, 3DV 2018\n"
@@ -85,7 +91,7 @@ class FormulaOfHeader : public ::testing::TestWithParam<Written> {
 
 INSTANTIATE_TEST_SUITE_P(Headers,
                          FormulaOfHeader,
-                         ::testing::Values(kFisheye, kDoubleSphere, kRadtan8, kDivision),
+                         ::testing::Values(kFisheye, kRadial, kDoubleSphere, kRadtan8, kDivision),
                          [](const auto& test) {
                            std::string name(test.param.name);
                            std::erase(name, '-');
@@ -167,12 +173,7 @@ TEST_P(FormulaOfHeader, GivesTheSameBytesWhereverABlockEnds) {
 }
 
 std::string MessageOf(const std::string& text) {
-  try {
-    ModelFrom("wrong", text);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "accepted";
+  return testing::RefusalOf([&] { ModelFrom("wrong", text); });
 }
 
 struct Mistake {
@@ -264,17 +265,12 @@ TEST_P(WrongFormula, IsRefusedWithPlaceAndRemedy) {
 
 TEST(Formula, OfTheNameOfAnotherModelIsRefused) {
   const auto add = [](const std::string& name, const std::string& text, const std::string& file) {
-    try {
-      AddFormulaModel(name, YamlNode::Parse(text, file), file);
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
-    return std::string("accepted");
+    return testing::RefusalOf([&] { AddFormulaModel(name, YamlNode::Parse(text, file), file); });
   };
   EXPECT_THAT(add("eucm", "radius: theta", "a.yaml"), HasSubstr("name of a model"));
   EXPECT_THAT(add("Mine", "radius: theta", "a.yaml"), HasSubstr("a to z"));
-  EXPECT_EQ(add("twice", "radius: theta", "a.yaml"), "accepted");
-  EXPECT_EQ(add("twice", "radius:  theta  # again", "b.yaml"), "accepted");
+  EXPECT_EQ(add("twice", "radius: theta", "a.yaml"), "no refusal");
+  EXPECT_EQ(add("twice", "radius:  theta  # again", "b.yaml"), "no refusal");
   EXPECT_THAT(add("twice", "radius: 2*theta", "b.yaml"),
               AllOf(HasSubstr("a.yaml"), HasSubstr("b.yaml")));
 }

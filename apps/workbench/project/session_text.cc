@@ -100,7 +100,7 @@ std::string WithRule(const std::string& text, const ExcludeRule& rule) {
   std::string line = RuleLine(rule);
   // Items of a list have one indentation.
   const size_t dash = text.find('-', block->begin);
-  if (block->end > block->begin && dash < block->end) {
+  if (dash < block->end) {
     size_t begin = dash;
     while (begin > block->begin && text[begin - 1] == ' ') --begin;
     line = text.substr(begin, dash - begin) + line.substr(2);

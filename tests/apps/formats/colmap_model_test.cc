@@ -144,6 +144,10 @@ class ColmapModel : public Workspace {
       constexpr double kRounding = 1e-12;
       EXPECT_LT((R - Eigen::Quaterniond(w, x, y, z).matrix()).norm(), kRounding);
       EXPECT_LT((R * centre + t).norm(), kRounding);
+      const YAML::Node view = sfm["views"][place->second];
+      EXPECT_EQ(view["poseId"].as<std::string>(),
+                sfm["poses"][place->second]["poseId"].as<std::string>());
+      EXPECT_LT(view["intrinsicId"].as<size_t>(), sfm["intrinsics"].size());
       ++compared;
     }
     EXPECT_EQ(compared, places.size());

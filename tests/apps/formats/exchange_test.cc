@@ -762,6 +762,12 @@ TEST_F(Exchange, FilesThatAreWrongAreNamed) {
   refused("dso", "RadTan 1 1 0.5 0.5 0 0 0 0\n", {"bad.file:1:", "second line"});
   refused("lifcal", "<Root><ImageSize>", {"bad.file", "XML"});
   refused("lifcal", "<Root></Root>", {"bad.file", "Width"});
+  for (const char* width : {"0", "1000000", "-3", "nan"}) {
+    refused("lifcal",
+            fmt::format("<Root><ImageSize><Width>{}</Width><Height>9</Height></ImageSize></Root>",
+                        width),
+            {"bad.file", "<ImageSize><Width>: expected a number", width});
+  }
   refused("mrcal", "{ 'lensmodel': 'LENSMODEL_CAHVOR' }", {"bad.file", "intrinsics"});
   std::vector<std::string_view> all = NamesOf(CameraFormats());
   all.push_back("mrcal-corners");
@@ -808,9 +814,12 @@ TEST_F(Exchange, KalibrTargetsCornersAndRaytrixGridsAreImported) {
   Write("grid.xml", "<RayCalibData></RayCalibData>");
   ExpectRefused(
       kWrongInput, {"import", "grid.xml", "--format", "raytrix", "-o", "out"}, {"--size"});
-  ExpectRefused(kWrongInput,
-                {"import", "grid.xml", "--format", "raytrix", "--size", "64x", "-o", "out"},
-                {"WIDTHxHEIGHT", "64x"});
+  for (const char* size :
+       {"64x", "x64", "64", "0x64", "64x0", "64x-1", "64x64x", "99999999999x64"}) {
+    ExpectRefused(kWrongInput,
+                  {"import", "grid.xml", "--format", "raytrix", "--size", size, "-o", "out"},
+                  {"WIDTHxHEIGHT", size});
+  }
 }
 
 }  // namespace TEST_FILE

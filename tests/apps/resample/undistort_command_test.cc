@@ -257,6 +257,11 @@ TEST_F(Undistort, MosaicsBecomeColours) {
   EXPECT_EQ(middle[0], 0);
 }
 
+TEST_F(Undistort, TheMapsCameraIsPrinted) {
+  EXPECT_EQ(Lines(Done({"map", "calibration.yaml", "--camera", "barrel", "-o", "map"}))[0],
+            "barrel: 160 x 120 px, f 100.00 104.00 px, c 78.10 61.70 px, 77.3 x 59.9 degrees");
+}
+
 TEST_F(Undistort, CamerasWithoutASingleCentreAreExactAtADistance) {
   const std::string camera =
       "{model: equidistant+pupil, image_size: [160, 120], parameters: {f_x: 60, f_y: 60, c_x: 80, "

@@ -197,6 +197,18 @@ TEST(LoopTruth, LeavesOutAFrameWhosePointsContradictTheOthers) {
   }
 }
 
+TEST(LoopTruth, IsInTheFrameOfTheFirstPoseThatItHas) {
+  Loop loop = MakeLoop({});
+  for (std::vector<View>& views : loop.tracks.views) views[0].observations.clear();
+  const LoopTruthResult truth = Estimate(loop);
+  EXPECT_THAT(truth.start.frames, ElementsAre(1, 2, 3, 4, 5));
+  EXPECT_EQ(truth.bundle.fixed_frame, 1);
+  EXPECT_LT((truth.bundle.T_rig_target[1].R - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+  EXPECT_LT(truth.bundle.T_rig_target[1].t.norm(), 1e-12);
+  EXPECT_EQ(truth.covariance.poses[1], Matrix6d::Zero());
+  EXPECT_GT(truth.covariance.poses[2].trace(), 0);
+}
+
 TEST(LoopTruth, RefusesASegmentOfTwoFrames) {
   for (const size_t begin : {size_t{0}, kFrames}) {
     Loop loop = MakeLoop({});

@@ -146,6 +146,21 @@ TEST_F(AccuracyCommand, ViewsAreSuggestedThatLowerTheSigmaOfDepth) {
   }
 }
 
+TEST_F(AccuracyCommand, HasTheNoiseOfOneCameraOrOfAll) {
+  const auto noise = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command{"accuracy", "result", "--distances", "1", "--json"};
+    command.insert(command.end(), words.begin(), words.end());
+    const Outcome outcome = Run(command);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return Json::parse(outcome.out)[0]["distances"][0]["z"]["noise"].get<double>();
+  };
+  const double of_all = noise({"--noise", "0.2"});
+  EXPECT_NEAR(noise({"--noise", "left=0.2", "--noise", "right=0.2"}), of_all, 1e-9 * of_all);
+  EXPECT_NEAR(noise({"--noise", "left=0.6", "--noise", "right=0.8"}),
+              of_all * std::sqrt(12.5),
+              0.1 * of_all);
+}
+
 TEST_F(AccuracyCommand, NamesWhatDoesNotFit) {
   ExpectRefused({"result", "--pair", "left,up"}, "up");
   ExpectRefused({"result", "--pair", "left,left"}, "twice");

@@ -167,6 +167,19 @@ TEST_F(ApiOfAFolder, WatchesOnlyWhenAsked) {
   EXPECT_EQ(Json::parse(Ask("POST", {"watch"}, R"({"on": false})").body)["watching"], false);
 }
 
+TEST_F(ApiOfAFolder, CalibratesOnceWithImagesThatHaveArrived) {
+  EXPECT_EQ(Ask("POST", {"watch"}, R"({"on": true})").status, 200);
+  Write("root/left/new.png", "no image");
+  for (int look = 0; look < 3; ++look) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(505));
+    api_->CalibrateArrivals();
+  }
+  const Json jobs = jobs_->All();
+  ASSERT_EQ(jobs.size(), 1U);
+  EXPECT_EQ(jobs[0]["kind"], "calibrate");
+  EXPECT_EQ(jobs[0]["run"], 1);
+}
+
 TEST_F(ApiOfAFolder, GivesNamesOfStrangersAsText) {
   const Json session = Json::parse(Ask("GET", {"session"}).body);
   EXPECT_EQ(session["problem"], nullptr);

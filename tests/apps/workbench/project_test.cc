@@ -123,6 +123,9 @@ TEST(SessionText, KeepsRulesByHand) {
   const std::string by_hand = "exclude:\n- frame: '1'\n  note: mine\n# a comment\n";
   EXPECT_EQ(WithRule(by_hand, {.frame = "a"}),
             "exclude:\n- frame: '1'\n  note: mine\n- {frame: a}\n# a comment\n");
+  // The next dash is another list's.
+  EXPECT_EQ(WithRule("exclude:\nmore:\n      - a\n", {.frame = "b"}),
+            "exclude:\n  - {frame: b}\nmore:\n      - a\n");
   EXPECT_THROW(WithoutRule(by_hand, {.frame = "1", .note = "mine"}), Error);
   EXPECT_THROW(WithoutRule("a: 1\n", {.frame = "1"}), Error);
   EXPECT_THROW(WithRule("exclude: [{frame: a}]\n", {.frame = "b"}), Error);

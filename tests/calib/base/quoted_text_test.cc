@@ -117,6 +117,22 @@ TEST(QuotedText, ThatIsPlainStaysPlain) {
   }
 }
 
+// Of two, three and four bytes, the first and the last of each length besides.
+TEST(QuotedText, OfOtherScriptsIsNotEscaped) {
+  for (const char* name : {"Kamera_böse",
+                           "कैमरा",
+                           "相机",
+                           "a\u00a1",
+                           "a\u07ca",
+                           "a\u0904",
+                           "a\uffe6",
+                           "a\U00010000",
+                           "a\U0001f600"}) {
+    EXPECT_EQ(YamlText(name), "\"" + std::string(name) + "\"");
+    EXPECT_EQ(CsvCell(name), name);
+  }
+}
+
 TEST(QuotedText, OfAWordOfYamlIsQuotedInAnyCase) {
   for (const std::string word :
        {"null", "true", "false", "yes", "no", "on", "off", "nan", "y", "n"}) {

@@ -19,6 +19,7 @@
 #include "calib/base/error.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/input_file.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -61,15 +62,6 @@ class Results : public ::testing::Test {
     EXPECT_FALSE(fs::exists(out_ / "report.html"));
     EXPECT_FALSE(fs::exists(out_ / ".partial"));
   }
-  static std::string MessageOf(const std::function<void()>& act, ErrorKind kind) {
-    try {
-      act();
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind) << error.what();
-      return error.what();
-    }
-    return "no error";
-  }
 
   fs::path root_, out_;
 };
@@ -101,7 +93,7 @@ TEST_F(Results, ThatAKilledRunLeftHalfMovedAreNotReadAndNotMovedByAReader) {
   };
   const auto before = files();
   for (const char* name : {"calibration.yaml", "poses.csv"}) {
-    EXPECT_THAT(MessageOf([&] { ReadTextFile(out_ / name); }, ErrorKind::kJob),
+    EXPECT_THAT(testing::RefusalOf([&] { ReadTextFile(out_ / name); }, ErrorKind::kJob),
                 AllOf(HasSubstr(out_.string()), HasSubstr("half moved")));
   }
   EXPECT_EQ(files(), before);
@@ -110,9 +102,9 @@ TEST_F(Results, ThatAKilledRunLeftHalfMovedAreNotReadAndNotMovedByAReader) {
 TEST_F(Results, AreNotReadWhereAnotherRunMovesThem) {
   OutputFolder writer(out_);
   LeaveHalfMoved();
-  EXPECT_THAT(MessageOf([&] { ReadTextFile(out_ / "calibration.yaml"); }, ErrorKind::kJob),
+  EXPECT_THAT(testing::RefusalOf([&] { ReadTextFile(out_ / "calibration.yaml"); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
-  EXPECT_THAT(MessageOf([&] { CompleteResults(out_); }, ErrorKind::kJob),
+  EXPECT_THAT(testing::RefusalOf([&] { CompleteResults(out_); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("half moved"), HasSubstr("another run")));
 }
 
@@ -127,7 +119,7 @@ TEST_F(Results, MayBeCompletedByAnotherProcessMeanwhile) {
 
 TEST_F(Results, OfTwoWritersAtATimeAreRefused) {
   const OutputFolder first(out_);
-  EXPECT_THAT(MessageOf([&] { const OutputFolder second(out_); }, ErrorKind::kJob),
+  EXPECT_THAT(testing::RefusalOf([&] { const OutputFolder second(out_); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("another run of plenocal writes")));
 }
 
@@ -136,7 +128,8 @@ TEST_F(Results, ThatCannotAllBeMovedAreNotMoved) {
   out.Write("a/1.txt", "new");
   out.Write("z/2.txt", "new");
   Put(out_ / "z/2.txt/in the way", "");
-  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kJob), HasSubstr("z/2.txt: is a folder"));
+  EXPECT_THAT(testing::RefusalOf([&] { out.Commit(); }, ErrorKind::kJob),
+              HasSubstr("z/2.txt: is a folder"));
   EXPECT_FALSE(fs::exists(out_ / "a/1.txt"));
 }
 
@@ -144,7 +137,7 @@ TEST_F(Results, StayHalfMovedWhereAMoveFailsUntilItIsMended) {
   LeaveHalfMoved();
   fs::remove(out_ / "calibration.yaml");
   Put(out_ / "calibration.yaml/in the way", "");
-  EXPECT_THAT(MessageOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
+  EXPECT_THAT(testing::RefusalOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
               AllOf(HasSubstr(out_.string()), HasSubstr("mend this")));
   EXPECT_EQ(Text(out_ / ".partial/calibration.yaml"), "new");
   fs::remove_all(out_ / "calibration.yaml");
@@ -157,7 +150,7 @@ TEST_F(Results, AreRemovedNowhereElse) {
   for (const std::string& name :
        {std::string("../victim"), (root_ / "victim").string(), std::string("a/../../victim")}) {
     Put(out_ / ".partial/complete", name + "\n");
-    EXPECT_THAT(MessageOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
+    EXPECT_THAT(testing::RefusalOf([&] { const OutputFolder next(out_); }, ErrorKind::kJob),
                 HasSubstr("victim"));
     EXPECT_EQ(Text(root_ / "victim"), "precious");
   }
@@ -172,11 +165,19 @@ TEST_F(Results, AreWrittenNowhereElse) {
                                   std::string("a/../../evil"),
                                   std::string("link/evil"),
                                   std::string("")}) {
-    EXPECT_NE(MessageOf([&] { out.Write(name, "x"); }, ErrorKind::kJob), "no error") << name;
+    EXPECT_NE(testing::RefusalOf([&] { out.Write(name, "x"); }, ErrorKind::kJob), "no refusal")
+        << name;
   }
   out.Commit();
   EXPECT_FALSE(fs::exists(root_ / "evil"));
   EXPECT_TRUE(fs::is_empty(root_ / "elsewhere"));
+}
+
+TEST_F(Results, OfAFolderInPlaceOfAFileAreRefused) {
+  OutputFolder out(out_);
+  out.Write("images", "x");
+  EXPECT_THAT(testing::RefusalOf([&] { out.Write("images/a.png", "x"); }, ErrorKind::kJob),
+              AllOf(HasSubstr("images: this folder cannot be made: "), HasSubstr("irectory")));
 }
 
 TEST_F(Results, NeverReplaceAnInput) {
@@ -185,13 +186,13 @@ TEST_F(Results, NeverReplaceAnInput) {
   fs::create_symlink(out_ / "calibration.yaml", root_ / "link.yaml");
   ReadTextFile(root_ / "link.yaml");
   OutputFolder out(out_);
-  EXPECT_THAT(MessageOf([&] { out.Write("calibration.yaml", "x"); }, ErrorKind::kInput),
+  EXPECT_THAT(testing::RefusalOf([&] { out.Write("calibration.yaml", "x"); }, ErrorKind::kInput),
               AllOf(HasSubstr("link.yaml"), HasSubstr("would replace this input")));
   out.Write("poses.csv", "x");
   // Read in between.
   Put(out_ / "poses.csv", "input");
   ReadTextFile(out_ / "poses.csv");
-  EXPECT_THAT(MessageOf([&] { out.Commit(); }, ErrorKind::kInput), HasSubstr("poses.csv"));
+  EXPECT_THAT(testing::RefusalOf([&] { out.Commit(); }, ErrorKind::kInput), HasSubstr("poses.csv"));
   EXPECT_EQ(Text(out_ / "poses.csv"), "input");
 }
 

@@ -135,6 +135,10 @@ TEST_F(ProposedTarget, IsACharucoBoardPrintedWhiteOnBlack) {
 TEST_F(ProposedTarget, IsAGridOfCircles) {
   ExpectWord("circles:8x6:25mm", "circles:8x6:SPACING:symmetric");
   ExpectWord("circles:4x11:20mm:asymmetric", "circles:4x11:SPACING:asymmetric");
+  const TargetProposal grid = Of("circles:8x6:25mm").found.at(0);
+  EXPECT_EQ(grid.what, "symmetric grid of 8 x 6 circles");
+  EXPECT_EQ(grid.shows, "8 x 6 circles in symmetric pattern");
+  EXPECT_EQ(grid.keys, "type: circles\ncolumns: 8\nrows: 6\npattern: symmetric\n");
 }
 
 TEST_F(ProposedTarget, IsWhatMostImagesShow) {

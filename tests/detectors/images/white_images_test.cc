@@ -15,6 +15,7 @@
 
 #include "calib/base/error.h"
 #include "detectors/images/attenuation.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -231,6 +232,15 @@ TEST(GreenDifference, ShowsAColourOrderThatIsShiftedByAPixel) {
   EXPECT_EQ(GreenDifference(white, BayerOrder::kBggr), 0) << "equal greens";
   EXPECT_NEAR(GreenDifference(white, BayerOrder::kGrbg), 0.1 / 0.825, 0.01);
   EXPECT_GT(GreenDifference(white, BayerOrder::kGbrg), 0);
+}
+
+TEST(LargeScaleMean, IsAlikeAlongRowsAndColumns) {
+  cv::Mat image(300, 200, CV_32F), turned, mean;
+  cv::randu(image, 50, 150);
+  image.rowRange(100, 140) += 60;
+  cv::transpose(image, turned);
+  cv::transpose(LargeScaleMean(turned), mean);
+  EXPECT_LT(cv::norm(mean, LargeScaleMean(image), cv::NORM_INF), 1e-3);
 }
 
 }  // namespace TEST_FILE

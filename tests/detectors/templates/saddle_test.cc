@@ -108,6 +108,15 @@ TEST(FitSaddle, PrintedMarkersOutsideTheClearStripDoNotMatter) {
   EXPECT_LT((saddle->p - kCorner).norm(), 0.03);
 }
 
+TEST(FitSaddle, HasTheBlurOfItsEdges) {
+  const Crossing crossing = Turned(0.3, 1.5);
+  for (const double blur : {0.7, 1.0, 1.6}) {
+    const auto saddle = FitSaddle(Render(crossing, kImage, {.blur = blur}), crossing.Guess({0, 0}));
+    ASSERT_TRUE(saddle) << blur;
+    EXPECT_NEAR(saddle->blur, std::hypot(blur, std::sqrt(1 / 12.0)), 0.02) << "and a pixel's area";
+  }
+}
+
 TEST(FitSaddle, RefusesWhatIsNoCrossing) {
   const SaddleGuess guess = Turned(0.2, 1.5).Guess({0, 0});
   const GrayFunction edge = [](const Eigen::Vector2d& x) {

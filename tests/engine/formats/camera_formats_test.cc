@@ -2,6 +2,7 @@
 //
 // What every camera file of another tool has in common: what is written is read back.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,10 +12,14 @@
 
 #include "engine/formats/camera_format.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 class CameraFiles : public testing::InTemporaryFolder {
  protected:
@@ -166,6 +171,42 @@ TEST_F(CameraFiles, HoldTheRig) {
       EXPECT_LT((found.t - expected.t).norm(), ToleranceOf(format)) << c;
     }
   }
+}
+
+TEST_F(CameraFiles, OfOpenCvStateThatTheirLensesAreFisheyes) {
+  const CameraFormat& format = *FindCameraFormat("opencv", "");
+  const auto example = [&](const char* model, const char* name) {
+    return Example(format, *FindModel(CameraModels(), model), name);
+  };
+  const std::string fisheye = format.write({example("kannala-brandt4", "a")});
+  EXPECT_THAT(fisheye, HasSubstr("\nfisheye_model: 1\n"));
+  EXPECT_EQ(
+      ReadCameraFile(format, {.path = Write("a.yml", fisheye), .image_size = {}}).at(0).model->name,
+      "kannala-brandt4");
+  EXPECT_THAT(format.write({example("pinhole", "a"), example("pinhole", "b")}),
+              Not(HasSubstr("fisheye_model")));
+  EXPECT_THAT(testing::RefusalOf(
+                  [&] {
+                    format.write({example("kannala-brandt4", "a"), example("pinhole", "b")});
+                  },
+                  ErrorKind::kJob),
+              HasSubstr("one camera is a fisheye, the other not"));
+}
+
+TEST_F(CameraFiles, OfNerfstudioMayLackCoefficientsButNothingElse) {
+  const CameraFormat& format = *FindCameraFormat("nerfstudio", "");
+  const auto read = [&](const std::string& camera) {
+    return ReadCameraFile(format, {.path = Write("transforms.json", camera), .image_size = {}})
+        .at(0);
+  };
+  const std::string start =
+      R"({"camera_model": "OPENCV_FISHEYE", "w": 640, "h": 480, "fl_x": 300, )";
+  const CalibratedCamera camera =
+      read(start + R"("fl_y": 301, "cx": 320, "cy": 240, "k2": 0.01, "frames": []})");
+  EXPECT_EQ(camera.params, (std::vector<double>{300, 301, 319.5, 239.5, 0, 0.01, 0, 0}));
+  EXPECT_THAT(testing::RefusalOf(
+                  [&] { read(start + R"("fl_y": 301, "cx": 320, "k1": 0, "frames": []})"); }),
+              HasSubstr("cy"));
 }
 
 }  // namespace TEST_FILE

@@ -4,7 +4,9 @@
 
 #include <string>
 #include <variant>
+#include <vector>
 
+#include "calib/camera/corner_orders.h"
 #include "targets/target.h"
 #include "tests/targets/target_texts.h"
 
@@ -110,6 +112,28 @@ TEST(TagTarget, RefusesWrongGrids) {
               HasSubstr("first_id: expected an id of tag36h11, 0 to 586, got 587"));
   EXPECT_THAT(ErrorOf(kGrid + "first_id: -1\n"), HasSubstr("got -1"));
   EXPECT_THAT(ErrorOf(kGrid + "first_id: 2147483647\n"), HasSubstr("got 2147483647"));
+}
+
+TEST(TagTarget, DoubtsTheOrderOfTheCornersOfItsTags) {
+  for (const std::string& text : {kTags, kGrid}) {
+    const Target target = Read(text);
+    std::vector<TargetHypothesis> hypotheses = DoubtsAbout(target).hypotheses;
+    std::erase_if(hypotheses, [](const TargetHypothesis& hypothesis) {
+      return hypothesis.code != "target_corner_order";
+    });
+    ASSERT_EQ(hypotheses.size(), kCornerOrders.size());
+    for (size_t i = 0; i < kCornerOrders.size(); ++i) {
+      EXPECT_EQ(hypotheses[i].what, "the corners of each tag run " + CornerOrderText(i));
+      EXPECT_EQ(hypotheses[i].remedy.starts_with("number the detections"), text == kGrid);
+      const CandidatePlaces places = hypotheses[i].places();
+      ASSERT_EQ(places.size(), target.markers.size());
+      for (const auto& [number, candidates] : places) {
+        const int first = number - number % 4;
+        const auto corner = static_cast<int>(kCornerOrders[i][static_cast<size_t>(number % 4)]);
+        EXPECT_THAT(candidates, ElementsAre(target.markers.at(first + corner)));
+      }
+    }
+  }
 }
 
 }  // namespace TEST_FILE
