@@ -10,10 +10,10 @@
 #include <limits>
 #include <string>
 
-#include "calib/base/error.h"
 #include "calib/camera/rays.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -96,12 +96,9 @@ TEST(CentralView, OfACentralCameraIsTheCameraItself) {
 TEST(CentralView, WithoutFramesNeedsADistance) {
   CalibrationRecord record = WithPupil(0.004);
   record.frames.clear();
-  try {
-    const CentralView view(record, record.cameras[0], std::nullopt);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("--distance METRES"));
-  }
+  EXPECT_THAT(
+      testing::RefusalOf([&] { const CentralView view(record, record.cameras[0], std::nullopt); }),
+      HasSubstr("--distance METRES"));
 }
 
 }  // namespace TEST_FILE

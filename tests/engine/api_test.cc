@@ -12,6 +12,7 @@
 
 #include "engine/api/plenocal/engine.h"
 #include "tests/engine/pinhole_board.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -109,14 +110,7 @@ TEST(TheEngineForPrograms, RefusesAViewOfMemoryByName) {
   const std::vector<std::uint8_t> pixels(640 * 480);
   const api::Image image{
       .frame = "07", .data = pixels.data(), .width = 640, .height = 480, .stride = 600};
-  const auto refusal = [](const auto& call) -> std::string {
-    try {
-      call();
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "accepted";
-  };
+  const auto refusal = [](const auto& call) -> std::string { return RefusalOf([&] { call(); }); };
   EXPECT_THAT(
       refusal([&] { (void)api::Session::InMemory(kBoard, {{.name = "left", .images = {image}}}); }),
       HasSubstr("left: frame 07: the stride of 600 bytes is shorter than a row of 640"));

@@ -18,6 +18,7 @@
 #include "engine/detect_session.h"
 #include "engine/session/memory_session.h"
 #include "tests/engine/pinhole_board.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {
@@ -67,12 +68,7 @@ TEST(CalibrateSessions, OfImagesWithoutAFolderIgnoreSessionsInTheWorkingFolder) 
   CalibrateRequest request;
   request.images.images = {"none.png"};
   request.images.target = kBoard;
-  std::string message;
-  try {
-    CalibrateSession(request, {});
-  } catch (const Error& error) {
-    message = error.what();
-  }
+  const std::string message = RefusalOf([&] { CalibrateSession(request, {}); });
   std::filesystem::current_path(before);
   EXPECT_THAT(message, HasSubstr("none.png"));
 }
@@ -104,13 +100,8 @@ TEST(CalibrateSessions, EndAtAnExceptionOfTheirListener) {
   EXPECT_THAT(other.get(), HasSubstr("f_x"));
 }
 
-std::string RefusalOf(const std::vector<MemoryCamera>& cameras) {
-  try {
-    SessionInMemory(kBoard, cameras);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "accepted";
+std::string RefusalOfCameras(const std::vector<MemoryCamera>& cameras) {
+  return RefusalOf([&] { SessionInMemory(kBoard, cameras); });
 }
 
 TEST(SessionsInMemory, NeedNoModelForAShardOfTheirImages) {
@@ -129,9 +120,9 @@ TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {
   const std::vector<std::uint8_t> pixels(640 * 480);
   const PixelView good{.data = pixels.data(), .size = {640, 480}, .stride = 640};
   const auto refusal = [](const PixelView& view) {
-    return RefusalOf({{.name = "left", .images = {{"07", view}}}});
+    return RefusalOfCameras({{.name = "left", .images = {{"07", view}}}});
   };
-  EXPECT_EQ(refusal(good), "accepted");
+  EXPECT_EQ(refusal(good), "no refusal");
   PixelView view = good;
   view.stride = 639;
   EXPECT_THAT(refusal(view),
@@ -146,9 +137,9 @@ TEST(SessionsInMemory, RefuseViewsOfMemoryByName) {
   view.data = nullptr;
   EXPECT_THAT(refusal(view), HasSubstr("without pixels"));
   const MemoryCamera camera{.name = "left", .images = {{"07", good}}};
-  EXPECT_THAT(RefusalOf({camera, camera}), HasSubstr("camera left is given twice"));
-  EXPECT_THAT(RefusalOf({{.name = "left"}}), HasSubstr("give either images or points"));
-  EXPECT_THAT(RefusalOf({{.name = "../left", .images = {{"07", good}}}}),
+  EXPECT_THAT(RefusalOfCameras({camera, camera}), HasSubstr("camera left is given twice"));
+  EXPECT_THAT(RefusalOfCameras({{.name = "left"}}), HasSubstr("give either images or points"));
+  EXPECT_THAT(RefusalOfCameras({{.name = "../left", .images = {{"07", good}}}}),
               HasSubstr("camera ../left: the name"));
 }
 

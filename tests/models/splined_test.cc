@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/error.h"
 #include "models/check/model_properties.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -131,13 +131,9 @@ TEST(Splined, OfAWrongSizeIsRefused) {
                            "splined-99999999999x9",
                            "splined-",
                            "splined2"}) {
-    try {
-      FindModel(CameraModels(), name);
-      ADD_FAILURE() << name << " is made";
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("camera model '" + std::string(name) + "': "));
-      EXPECT_THAT(error.what(), HasSubstr("like splined-20x14"));
-    }
+    EXPECT_THAT(testing::RefusalOf([&] { FindModel(CameraModels(), name); }),
+                ::testing::AllOf(HasSubstr("camera model '" + std::string(name) + "': "),
+                                 HasSubstr("like splined-20x14")));
   }
   EXPECT_EQ(FindModel(CameraModels(), "splined4-20x14"), nullptr);
   EXPECT_EQ(FindModel(CameraModels(), "splines-20x14"), nullptr);

@@ -121,7 +121,7 @@ TEST_P(EveryTargetType, MissesEachKeyWithoutDefaultAndNoOther) {
     if (key.otherwise.empty()) {
       EXPECT_THAT(message, HasSubstr(name + ": this key is missing"));
     } else {
-      EXPECT_EQ(message, "no error") << name;
+      EXPECT_EQ(message, "no refusal") << name;
     }
     ++checked;
   }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "targets/target.h"
+#include "tests/refusal.h"
 #include "tests/targets/pattern.h"
 #include "tests/targets/target_texts.h"
 
@@ -178,13 +179,8 @@ TEST(TargetDrawing, PutsTagsOfEachPlaneOnAPart) {
 
 TEST(TargetDrawing, RefusesPointsWithoutAPattern) {
   const Target target = Read("plenocal: 1\ntype: markers\nmarkers: {0: [0, 0, 0]}\n");
-  try {
-    DrawTarget(target);
-    FAIL() << "no error";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(), ::testing::HasSubstr("cannot be drawn"));
-  }
+  EXPECT_THAT(testing::RefusalOf([&] { DrawTarget(target); }),
+              ::testing::HasSubstr("cannot be drawn"));
 }
 
 }  // namespace TEST_FILE

@@ -6,9 +6,9 @@
 
 #include <string>
 
-#include "calib/base/error.h"
 #include "calib/io/yaml.h"
 #include "targets/target.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 
@@ -22,14 +22,9 @@ inline Target Read(const std::string& text) {
 
 /// The message about a text that is refused.
 inline std::string ErrorOf(const std::string& text) {
-  try {
-    Read(text);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(), ::testing::Not(::testing::HasSubstr("\n")));
-    return error.what();
-  }
-  return "no error";
+  const std::string message = RefusalOf([&] { Read(text); });
+  EXPECT_THAT(message, ::testing::Not(::testing::HasSubstr("\n")));
+  return message;
 }
 
 inline void ExpectAt(const Target& target, int marker, double x, double y, double z) {

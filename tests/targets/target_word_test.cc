@@ -4,8 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/base/error.h"
 #include "targets/target.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -14,13 +14,7 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
 std::string MessageOf(const std::string& word) {
-  try {
-    TargetOfWord(word);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+  return testing::RefusalOf([&] { TargetOfWord(word); });
 }
 
 TEST(TargetWord, DescribesAChessboard) {

@@ -18,6 +18,7 @@
 #include "calib/base/error.h"
 #include "detectors/images/image.h"
 #include "tests/apps/workspace.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -28,17 +29,6 @@ using ::testing::IsEmpty;
 using Json = nlohmann::json;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-template <typename Call>
-std::string Refusal(const Call& call, ErrorKind kind = ErrorKind::kInput) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), kind);
-    return error.what();
-  }
-  return "no refusal";
-}
 
 template <typename Value>
 cv::Mat Image(int columns, int rows, const Value& value) {
@@ -192,14 +182,14 @@ TEST_F(AttenuationFiles, AreComparedWithTheSigmasBesideThem) {
   EXPECT_TRUE(std::isnan(compare("other.tiff", "b/vignetting_right.tiff").expected));
 
   WriteTiff("small.tiff", Image(10, 8, [](int, int) { return 1; }));
-  EXPECT_EQ(Short(Refusal([&] { compare("other.tiff", "small.tiff"); })),
+  EXPECT_EQ(Short(RefusalOf([&] { compare("other.tiff", "small.tiff"); })),
             "other.tiff is 12 x 8 pixels, small.tiff is 10 x 8; they must be of one camera");
   WriteTiff("zero.tiff", Image(12, 8, [](int x, int y) { return x + y; }));
   EXPECT_EQ(
-      Short(Refusal([&] { compare("zero.tiff", "other.tiff"); })),
+      Short(RefusalOf([&] { compare("zero.tiff", "other.tiff"); })),
       "zero.tiff: has values that are not positive; an attenuation is the share of light that reaches each pixel");
   WriteTiff("vignetting_sigma_left.tiff", Image(12, 9, [](int, int) { return 1; }));
-  EXPECT_EQ(Short(Refusal([&] { compare("vignetting_left.tiff", "other.tiff"); })),
+  EXPECT_EQ(Short(RefusalOf([&] { compare("vignetting_left.tiff", "other.tiff"); })),
             "vignetting_sigma_left.tiff: has another size than vignetting_left.tiff");
 }
 
@@ -573,13 +563,13 @@ TEST_F(RecordedExposures, AreRefusedOrLeftOutWithTheirReason) {
                Stopped);
   Camera().images.erase(Camera().images.begin());
   Camera().images.erase(Camera().images.begin() + 1);
-  EXPECT_EQ(Short(Refusal([&] { Read(); })),
+  EXPECT_EQ(Short(RefusalOf([&] { Read(); })),
             "b.png: has 16 bits; a response holds 256 values: record with 8 bits a pixel");
   Camera().images.push_back(Camera().images[0]);
   Camera().images.push_back(Camera().images[0]);
   Camera().images[1].exposure.reset();
   EXPECT_EQ(
-      Refusal([&] { Read(); }),
+      RefusalOf([&] { Read(); }),
       "recording.yaml: camera left: 1 of 3 images have no exposure time; write lines 'name time exposure' into the "
       "file that 'times' names, as cameras and TUM monoVO recordings do");
 }
@@ -590,9 +580,9 @@ TEST_F(RecordedExposures, BelongToACameraOfTheRecording) {
   recording_.cameras.resize(2);
   recording_.cameras[1].name = "right";
   EXPECT_EQ(&ChooseRecordedCamera(recording_, "right"), &recording_.cameras[1]);
-  EXPECT_EQ(Refusal([&] { ChooseRecordedCamera(recording_, ""); }),
+  EXPECT_EQ(RefusalOf([&] { ChooseRecordedCamera(recording_, ""); }),
             "recording.yaml: has 2 cameras (left, right); choose one with --camera");
-  EXPECT_EQ(Refusal([&] { ChooseRecordedCamera(recording_, "rigth"); }),
+  EXPECT_EQ(RefusalOf([&] { ChooseRecordedCamera(recording_, "rigth"); }),
             "recording.yaml: has no camera 'rigth'; did you mean 'right'?");
   EXPECT_EQ(ExposureRow("a,b", "left", 1.5, -0.25, 0.0125), "\"a,b\",left,1.5,-0.25,0.0125\n");
   EXPECT_EQ(ExposureRow("a", "left", kNaN, 0, 0), "a,left,,0,0\n");
@@ -656,7 +646,7 @@ TEST_F(WhiteImages, AreRefusedWithWhatIsWrong) {
   const auto refuse = [&](const cv::Mat& image, const ImageSize& size) {
     Camera().images.clear();
     Add("w", image, 1);
-    return Short(Refusal([&] { MeasureAttenuation(White(), {}, size, 1); }));
+    return Short(RefusalOf([&] { MeasureAttenuation(White(), {}, size, 1); }));
   };
   const cv::Mat grey(8, 250, CV_8U, cv::Scalar(100));
   EXPECT_EQ(refuse(grey, {250, 9}),

@@ -15,8 +15,8 @@
 
 #include "apps/photometry/images/image_spline.h"
 #include "apps/photometry/response/rising_values.h"
-#include "calib/base/error.h"
 #include "tests/apps/workspace.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -157,12 +157,7 @@ TEST(ResponseFit, SeesThatTheGainWasNotFixed) {
 
 TEST(ResponseFit, RefusesEqualExposuresAndSaturation) {
   const auto message = [](const ExposureSweep& sweep) {
-    try {
-      FitResponse(sweep, "here", 1);
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
-    return std::string();
+    return RefusalOf([&] { FitResponse(sweep, "here", 1); });
   };
   EXPECT_THAT(message(MakeSweep(20, 1.5)), HasSubstr("exposures that differ"));
   ExposureSweep bright = MakeSweep(20, 100);
@@ -223,12 +218,7 @@ class ResponseFile : public Workspace {
  protected:
   std::string MessageOf(const std::string& text) const {
     Write("pcalib.txt", text);
-    try {
-      ReadResponse(Path("pcalib.txt"));
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return {};
+    return RefusalOf([&] { ReadResponse(Path("pcalib.txt")); });
   }
 };
 

@@ -19,6 +19,7 @@
 #include "apps/photometry/response/sum_parts.h"
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -586,13 +587,7 @@ TEST(SmallResponse, IsTheSameInAnyOrderAndUnit) {
 
 TEST(SmallResponse, IsRefusedWithTheRemedy) {
   const auto refuse = [](const ExposureSweep& sweep) -> std::string {
-    try {
-      FitResponse(sweep, "here", 1);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kJob);
-      return error.what();
-    }
-    return "no refusal";
+    return RefusalOf([&] { FitResponse(sweep, "here", 1); }, ErrorKind::kJob);
   };
   EXPECT_EQ(
       refuse(SmallSweep(0.1, 0.199)),

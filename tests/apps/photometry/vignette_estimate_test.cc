@@ -18,6 +18,7 @@
 #include "calib/base/error.h"
 #include "calib/base/statistics.h"
 #include "tests/apps/photometry/small_wall.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -306,17 +307,13 @@ TEST(SmallVignette, TellsWhatIsWrongWithTheWall) {
 
 TEST(SmallVignette, NeedsMeasurements) {
   SmallWall few = MakeSmallWall({.views = 7});
-  try {
-    FitVignette(Recorded(few), "here", 1, [](const std::string&) { return true; });
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_THAT(
-        error.what(),
-        ::testing::MatchesRegex(
-            "here: the images have only [0-9]+ measurements of points that at least three of them show; move the camera less "
-            "between images, avoid saturation"));
-  }
+  EXPECT_THAT(
+      RefusalOf(
+          [&] { FitVignette(Recorded(few), "here", 1, [](const std::string&) { return true; }); },
+          ErrorKind::kJob),
+      ::testing::MatchesRegex(
+          "here: the images have only [0-9]+ measurements of points that at least three of them show; move the camera less "
+          "between images, avoid saturation"));
   EXPECT_THROW(FitVignette(Recorded(few), "here", 1, [](const std::string&) { return false; }),
                Stopped);
 }

@@ -13,6 +13,7 @@
 #include "apps/photometry/vignette_splines.h"
 #include "calib/base/error.h"
 #include "tests/apps/photometry/small_wall.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -173,15 +174,9 @@ TEST(WallSamples, AreOfAGridOfPixelsOverWhatViewsShow) {
   // Of views from the edge there is no grid.
   WallRecording edge = Recorded(wall);
   for (WallView& view : edge.views) view.T_camera_wall.R = ExpRotation({kPi / 2, 0, 0});
-  try {
-    ChooseGrid(edge, "here");
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_STREQ(
-        error.what(),
-        "here: the wall is behind the cameras or seen from its edge; check the target's file and the calibration");
-  }
+  EXPECT_EQ(
+      RefusalOf([&] { ChooseGrid(edge, "here"); }, ErrorKind::kJob),
+      "here: the wall is behind the cameras or seen from its edge; check the target's file and the calibration");
 }
 
 TEST(WallModel, PredictsTheLightOfSamplesWithTheirNoise) {

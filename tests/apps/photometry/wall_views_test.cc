@@ -16,6 +16,7 @@
 #include "detectors/images/image.h"
 #include "models/registry.h"
 #include "tests/apps/workspace.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -94,13 +95,7 @@ class WallViews : public Workspace {
     images_.images.push_back(recorded);
   }
   std::string Refusal(ErrorKind kind) {
-    try {
-      ReadWall(options_);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind);
-      return error.what();
-    }
-    return "no refusal";
+    return RefusalOf([&] { ReadWall(options_); }, kind);
   }
 
   int columns_, rows_;
@@ -277,13 +272,7 @@ class VignetteOfARecording : public WallViews {
     };
   }
   std::string RefusalOfRun(ErrorKind kind) {
-    try {
-      MeasureVignette(request_, run_);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), kind);
-      return error.what();
-    }
-    return "no refusal";
+    return RefusalOf([&] { MeasureVignette(request_, run_); }, kind);
   }
 
   VignetteRequest request_;

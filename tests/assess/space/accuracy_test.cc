@@ -9,8 +9,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/base/error.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -228,13 +228,7 @@ TEST(Accuracy, NamesDistancesAtWhichNothingIsKnown) {
 TEST(Accuracy, RefusesWhatHasNoStandardErrorsOrNoDistances) {
   using ::testing::HasSubstr;
   const auto refuses = [](const CalibrationRecord& record, const AccuracyOptions& options) {
-    try {
-      Predicted(record, options);
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kInput);
-      return std::string(error.what());
-    }
-    return std::string("not refused");
+    return testing::RefusalOf([&] { Predicted(record, options); });
   };
   EXPECT_THAT(refuses(ParallelPair({.exact = true}), {.distances = {1}}),
               HasSubstr("no standard errors"));

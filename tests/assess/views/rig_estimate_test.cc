@@ -9,9 +9,9 @@
 
 #include "assess/views/information_state.h"
 #include "assess/views/projection_sigma.h"
-#include "calib/base/error.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -134,18 +134,13 @@ TEST(RigEstimate, TakesMarkersJitterAndMisplacedViews) {
 }
 
 std::string Refused(const CalibrationRecord& record) {
-  try {
-    MakeRigEstimate(record);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
+  return RefusalOf([&] { MakeRigEstimate(record); });
 }
 
 TEST(RigEstimate, RefusesScenesLocalModelsAndRecordsWithoutPoints) {
   CalibrationRecord record = TwoCameras();
   record.cameras[0].residuals.clear();
-  EXPECT_EQ(Refused(record), "");
+  EXPECT_EQ(Refused(record), "no refusal");
   record.cameras[1].residuals.clear();
   EXPECT_EQ(Refused(record),
             "some/calibration.yaml: the calibration has no points (residuals.csv)");

@@ -11,6 +11,7 @@
 #include "assess/views/next_views.h"
 #include "calib/base/error.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -65,13 +66,10 @@ TEST(FeasibleRange, BeginsWhereTheTargetFillsTheImage) {
   range = FeasibleRange(rig, 0, board, {}, {0.3, 0.9});
   EXPECT_EQ(range.nearest, 0.3);
   EXPECT_EQ(range.farthest, 0.9);
-  try {
-    FeasibleRange(rig, 0, board, {}, {2, 1.5});
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_STREQ(error.what(),
-                 "left: no distance for the target between 2 m and 1.5 m; set --near and --far");
-  }
+  EXPECT_EQ(RefusalOf([&] {
+              FeasibleRange(rig, 0, board, {}, {2, 1.5});
+            }),
+            "left: no distance for the target between 2 m and 1.5 m; set --near and --far");
 }
 
 TEST(FeasibleRange, IsLimitedByTheHandBeforeAWideLens) {

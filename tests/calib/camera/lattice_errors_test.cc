@@ -9,11 +9,11 @@
 #include <functional>
 #include <map>
 
-#include "calib/base/error.h"
 #include "calib/base/linear_algebra.h"
 #include "calib/camera/lens_lattice.h"
 #include "calib/camera/micro_lens_array.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -120,12 +120,7 @@ class LatticeFile : public testing::InTemporaryFolder {
  protected:
   [[nodiscard]] std::string MessageOf(const std::string& content) const {
     Write("lattice.yaml", content);
-    try {
-      ReadLatticeErrors(path_, kSize);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return {};
+    return testing::RefusalOf([&] { ReadLatticeErrors(path_, kSize); });
   }
 
   const std::filesystem::path path_ = Path("lattice.yaml");
@@ -136,7 +131,7 @@ TEST_F(LatticeFile, IsReadAsWritten) {
   Random random(3);
   for (LatticeMeasurement& m : measured) m.position += random.Gaussians<2>(kNoise);
   const LatticeErrors written = ErrorsOfFit(SmoothLattice::Fit(measured), measured, kSize);
-  ASSERT_EQ(MessageOf(FormatLatticeErrors(written)), "");
+  ASSERT_EQ(MessageOf(FormatLatticeErrors(written)), "no refusal");
   const LatticeErrors read = ReadLatticeErrors(path_, kSize);
   EXPECT_EQ(read.image_size, written.image_size);
   EXPECT_TRUE(read.Covariance().isApprox(written.Covariance(), 1e-10));
@@ -146,7 +141,7 @@ TEST_F(LatticeFile, IsReadAsWritten) {
 TEST_F(LatticeFile, SaysWhatIsWrong) {
   using ::testing::HasSubstr;
   const std::string head = "plenocal: 1\nimage_size: [820, 780]\n";
-  EXPECT_EQ(MessageOf(head + "covariance: [[4e-6]]\n"), "");
+  EXPECT_EQ(MessageOf(head + "covariance: [[4e-6]]\n"), "no refusal");
   EXPECT_THAT(MessageOf(head), HasSubstr("covariance"));
   EXPECT_THAT(MessageOf("plenocal: 1\nimage_size: [820, 700]\ncovariance: [[4e-6]]\n"),
               HasSubstr("820 x 780 pixels: the lattice is of another array"));

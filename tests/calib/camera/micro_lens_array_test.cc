@@ -17,6 +17,7 @@
 #include "calib/camera/lens_lattice.h"
 #include "calib/files/raytrix_grid.h"
 #include "tests/optional_data.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -49,12 +50,7 @@ class MicroLensFile : public testing::InTemporaryFolder {
  protected:
   void Write(const std::string& text) const { files_.Write("array.csv", text); }
   [[nodiscard]] std::string Message() const {
-    try {
-      ReadMicroLenses(path_, kSize);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "";
+    return testing::RefusalOf([&] { ReadMicroLenses(path_, kSize); });
   }
 
   const fs::path path_ = Path("array.csv");
@@ -253,26 +249,21 @@ TEST(RayCalibData, HasYUpAndAnglesToTheLeft) {
 
 TEST(RayCalibData, OfAnotherLatticeIsRefused) {
   const auto refused = [](std::string_view old, std::string_view other) {
-    try {
-      ReadRayCalibText(RayCalibDataOf(old, other));
-      return std::string();
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
+    return testing::RefusalOf([&] { ReadRayCalibText(RayCalibDataOf(old, other)); });
   };
   using ::testing::HasSubstr;
-  EXPECT_EQ(refused("<x>3<", "<x>4<"), "");
+  EXPECT_EQ(refused("<x>3<", "<x>4<"), "no refusal");
   // Bases of a rectangle, and of a hexagon that is a fifth too long on one side.
   EXPECT_THAT(refused("<x>0.5</x><y>0.8660254", "<x>0</x><y>1"), HasSubstr("no hexagonal lattice"));
   EXPECT_THAT(refused("<x>1</x>", "<x>1.2</x>"), HasSubstr("no hexagonal lattice"));
-  EXPECT_EQ(refused("<x>0.5</x>", "<x>-0.5</x>"), "") << "120 degrees apart";
+  EXPECT_EQ(refused("<x>0.5</x>", "<x>-0.5</x>"), "no refusal") << "120 degrees apart";
   EXPECT_THAT(refused("<diameter>20", "<diameter>3.9"), HasSubstr("at least 4 pixels"));
-  EXPECT_EQ(refused("<diameter>20", "<diameter>50"), "");
+  EXPECT_EQ(refused("<diameter>20", "<diameter>50"), "no refusal");
   EXPECT_THAT(refused("<diameter>20", "<diameter>50.1"), HasSubstr("at most a quarter"));
   EXPECT_THAT(refused("<diameter>20", "<diameter>wide"), HasSubstr("expected a number"));
   EXPECT_THAT(refused("<rotation>0.1", "<rotation>left"), HasSubstr("expected a number"));
   EXPECT_THAT(refused("<diameter>20", "<diameter>20 mm"), HasSubstr("expected a number"));
-  EXPECT_EQ(refused("<diameter>20<", "<diameter>\n 20 <"), "");
+  EXPECT_EQ(refused("<diameter>20<", "<diameter>\n 20 <"), "no refusal");
   EXPECT_THAT(refused("id=\"7\"", "id=\"near\""), HasSubstr("id: expected a whole number"));
   EXPECT_THAT(refused("<x>3<", "<x>501<"), HasSubstr("outside of the image"));
   EXPECT_THAT(refused("<rotation>0.1</rotation>", ""), HasSubstr("<rotation>"));

@@ -19,6 +19,7 @@
 #include "calib/start/camera_guess.h"
 #include "models/registry.h"
 #include "tests/calib/synthetic.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -228,14 +229,14 @@ TEST(InitialGuess, OfWhatNoCameraSeesEndsInAMessage) {
     SCOPED_TRACE(what);
     SyntheticProblem problem = MakeProblem(4, {.frames = 3});
     spoil(&problem.input);
-    try {
-      GuessCamera(
-          problem.input.cameras[0], problem.input.markers, MarkerFreedom::FromSigma(0.0005));
-      ADD_FAILURE() << "no message";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::kJob);
-      EXPECT_THAT(error.what(), ::testing::HasSubstr("no initial guess of model pinhole-radial3"));
-    }
+    EXPECT_THAT(testing::RefusalOf(
+                    [&] {
+                      GuessCamera(problem.input.cameras[0],
+                                  problem.input.markers,
+                                  MarkerFreedom::FromSigma(0.0005));
+                    },
+                    ErrorKind::kJob),
+                ::testing::HasSubstr("no initial guess of model pinhole-radial3"));
   };
   const auto move_markers = [](const auto& place) {
     return [=](CalibrationInput* input) {
@@ -550,13 +551,7 @@ TEST(Calibrate, StopsWhenItsProgressCallbackSaysSo) {
 }
 
 std::string JobError(const CalibrationInput& input) {
-  try {
-    Calibrate(input, {});
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    return error.what();
-  }
-  return "no error";
+  return testing::RefusalOf([&] { Calibrate(input, {}); }, ErrorKind::kJob);
 }
 
 TEST(Calibrate, NamesTheCameraThatNothingLinksToTheMaster) {

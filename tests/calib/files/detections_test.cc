@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/base/error.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {

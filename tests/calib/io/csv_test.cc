@@ -6,24 +6,13 @@
 
 #include <functional>
 
-#include "calib/base/error.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
 using ::testing::ElementsAre;
 using ::testing::StartsWith;
-
-// The message of the error that `read` throws.
-std::string MessageOf(const std::function<void()>& read) {
-  try {
-    read();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
-}
 
 TEST(Csv, FindsColumnsByNameInAnyOrder) {
   CsvReader table("y,note,x\n2,hello,1.5\n4,,-3e2\n", "t.csv");
@@ -60,16 +49,16 @@ TEST(Csv, ReadsCellsInQuotationMarks) {
   ASSERT_TRUE(table.Next());
   EXPECT_EQ(table.Text(0), "1,5");
   EXPECT_EQ(table.Text(1), "say \"hi\"");
-  EXPECT_EQ(MessageOf([&] { (void)table.Number(0); }),
+  EXPECT_EQ(testing::RefusalOf([&] { (void)table.Number(0); }),
             "t.csv:2:2: a: expected a number, found '1,5'");
-  EXPECT_THAT(MessageOf([&] { (void)table.Number(1); }),
+  EXPECT_THAT(testing::RefusalOf([&] { (void)table.Number(1); }),
               StartsWith("t.csv:2:1: b: expected a number"));
   ASSERT_TRUE(table.Next());
   EXPECT_EQ(table.Text(0), " x ");
   EXPECT_EQ(table.Text(1), "");
   for (const char* bad : {"\"1,2\n", "\"1\"x,2\n", "\"1\"\",2\n"}) {
     const std::string broken = std::string("a,b\n") + bad;
-    EXPECT_THAT(MessageOf([&] {
+    EXPECT_THAT(testing::RefusalOf([&] {
                   CsvReader reader(broken, "t.csv");
                   reader.Next();
                 }),
@@ -82,13 +71,13 @@ TEST(Csv, NamesFileLineAndColumnOfABadCell) {
   CsvReader table(text, "d/t.csv");
   ASSERT_TRUE(table.Next());
   ASSERT_TRUE(table.Next());
-  EXPECT_EQ(MessageOf([&] { (void)table.Number(1); }),
+  EXPECT_EQ(testing::RefusalOf([&] { (void)table.Number(1); }),
             "d/t.csv:3:5: b: expected a number, found 'four'");
-  EXPECT_EQ(MessageOf([&] { (void)table.Integer(1); }),
+  EXPECT_EQ(testing::RefusalOf([&] { (void)table.Integer(1); }),
             "d/t.csv:3:5: b: expected a whole number, found 'four'");
-  EXPECT_EQ(MessageOf([&] { table.FailAt(0, "too small"); }), "d/t.csv:3:2: a: too small");
-  EXPECT_EQ(MessageOf([&] { table.Fail("is wrong"); }), "d/t.csv:3: is wrong");
-  EXPECT_EQ(MessageOf([&] { table.FailAtLine(2, "is wrong"); }), "d/t.csv:2: is wrong");
+  EXPECT_EQ(testing::RefusalOf([&] { table.FailAt(0, "too small"); }), "d/t.csv:3:2: a: too small");
+  EXPECT_EQ(testing::RefusalOf([&] { table.Fail("is wrong"); }), "d/t.csv:3: is wrong");
+  EXPECT_EQ(testing::RefusalOf([&] { table.FailAtLine(2, "is wrong"); }), "d/t.csv:2: is wrong");
 }
 
 TEST(Csv, RefusesWhatIsNoFiniteNumber) {
@@ -96,7 +85,8 @@ TEST(Csv, RefusesWhatIsNoFiniteNumber) {
     const std::string text = std::string("a,b\n0,") + cell + "\n";
     CsvReader table(text, "t.csv");
     ASSERT_TRUE(table.Next());
-    EXPECT_THAT(MessageOf([&] { (void)table.Number(1); }), StartsWith("t.csv:2:3: b: expected a"))
+    EXPECT_THAT(testing::RefusalOf([&] { (void)table.Number(1); }),
+                StartsWith("t.csv:2:3: b: expected a"))
         << cell;
   }
 }
@@ -105,7 +95,7 @@ TEST(Csv, TakesWholeNumbersHoweverTheyAreWritten) {
   CsvReader table("a,b,c,d\n7,7.0,7e0,7.5\n", "t.csv");
   ASSERT_TRUE(table.Next());
   for (const size_t column : {0, 1, 2}) EXPECT_EQ(table.Integer(column), 7);
-  EXPECT_THAT(MessageOf([&] { (void)table.Integer(3); }), StartsWith("t.csv:2:11: d: "));
+  EXPECT_THAT(testing::RefusalOf([&] { (void)table.Integer(3); }), StartsWith("t.csv:2:11: d: "));
 }
 
 TEST(Csv, TellsAnEmptyCellFromAZero) {
@@ -116,15 +106,15 @@ TEST(Csv, TellsAnEmptyCellFromAZero) {
 }
 
 TEST(Csv, RefusesTablesThatAreCutOffOrAmbiguous) {
-  EXPECT_EQ(MessageOf([] { CsvReader("\n# a comment\n", "t.csv"); }),
+  EXPECT_EQ(testing::RefusalOf([] { CsvReader("\n# a comment\n", "t.csv"); }),
             "t.csv:1: expected a header line with the names of the columns, found nothing");
-  EXPECT_THAT(MessageOf([] { CsvReader("a,b,a\n", "t.csv"); }),
+  EXPECT_THAT(testing::RefusalOf([] { CsvReader("a,b,a\n", "t.csv"); }),
               StartsWith("t.csv:1: column 'a' stands in the header twice"));
-  EXPECT_EQ(MessageOf([] { (void)CsvReader("\na,b\n", "t.csv").Column("c"); }),
+  EXPECT_EQ(testing::RefusalOf([] { (void)CsvReader("\na,b\n", "t.csv").Column("c"); }),
             "t.csv:2: column 'c' is missing; the header has a,b");
   CsvReader table("a,b\n1,2\n3\n", "t.csv");
   EXPECT_TRUE(table.Next());
-  EXPECT_THAT(MessageOf([&] { table.Next(); }),
+  EXPECT_THAT(testing::RefusalOf([&] { table.Next(); }),
               StartsWith("t.csv:3: expected 2 columns as in the header, found 1"));
 }
 
@@ -139,7 +129,7 @@ TEST(Csv, ReadsTextWithoutHeaderIntoGivenColumns) {
   ASSERT_TRUE(table.Next());
   EXPECT_EQ(table.Number(table.Column("time")), 2);
   EXPECT_FALSE(table.NumberIfAny(table.Column("exposure")));
-  EXPECT_THAT(MessageOf([&] { table.Next(); }),
+  EXPECT_THAT(testing::RefusalOf([&] { table.Next(); }),
               StartsWith("t.txt:5: expected 3 columns (id,time,exposure), found 1"));
 }
 
@@ -159,9 +149,10 @@ TEST(Vnlog, SplitsAtBlanksBelowALegend) {
 }
 
 TEST(Vnlog, NeedsItsLegendBeforeTheFirstRow) {
-  EXPECT_THAT(MessageOf([] { CsvReader("a.png 1 2\n", "c.vnl", CsvSyntax::kVnlog); }),
+  EXPECT_THAT(testing::RefusalOf([] { CsvReader("a.png 1 2\n", "c.vnl", CsvSyntax::kVnlog); }),
               StartsWith("c.vnl:1: expected the header line"));
-  EXPECT_THAT(MessageOf([] { CsvReader("# a comment\n", "c.vnl", CsvSyntax::kVnlog, "filename"); }),
+  EXPECT_THAT(testing::RefusalOf(
+                  [] { CsvReader("# a comment\n", "c.vnl", CsvSyntax::kVnlog, "filename"); }),
               StartsWith("c.vnl:1: expected a header line"));
 }
 

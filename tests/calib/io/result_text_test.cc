@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/quoted_text.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -15,13 +16,7 @@ namespace TEST_FILE {
 using ::testing::HasSubstr;
 
 std::string MessageOf(const std::string& name, const std::string& content) {
-  try {
-    RefuseNan(name, content);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    return error.what();
-  }
-  return "no error";
+  return testing::RefusalOf([&] { RefuseNan(name, content); }, ErrorKind::kJob);
 }
 
 TEST(ResultText, WithANumberThatIsNoneIsRefusedWithItsPlace) {
@@ -39,11 +34,11 @@ TEST(ResultText, WithInfiniteNumbersAndAnyNamesIsWritten) {
        {"sigma: [.inf, -.inf]\n",
         "\"nan\": {what: \"the \\\"nan\\\" of a nan b\", name: banana, x: nano}\n",
         ""}) {
-    EXPECT_EQ(MessageOf("a.yaml", text), "no error") << text;
+    EXPECT_EQ(MessageOf("a.yaml", text), "no refusal") << text;
   }
   EXPECT_EQ(MessageOf("a.csv", CsvCell("nan") + ",a nan b," + CsvCell("1,nan") + ",inf\n"),
-            "no error");
-  EXPECT_EQ(MessageOf("a.svg", "<path d=\"nan nan\"/>"), "no error");
+            "no refusal");
+  EXPECT_EQ(MessageOf("a.svg", "<path d=\"nan nan\"/>"), "no refusal");
 }
 
 }  // namespace TEST_FILE

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -24,14 +25,9 @@ using ::testing::StartsWith;
 // The message of the Error that `job` throws; it must be one line and blame the input.
 template <typename Job>
 std::string MessageOf(const Job& job) {
-  try {
-    (void)job();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(), Not(HasSubstr("\n")));
-    return error.what();
-  }
-  return "no error";
+  const std::string message = testing::RefusalOf([&] { (void)job(); });
+  EXPECT_THAT(message, ::testing::Not(::testing::HasSubstr("\n")));
+  return message;
 }
 
 std::string ParseError(const std::string& text) {

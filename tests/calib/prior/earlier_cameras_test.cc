@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "calib/base/error.h"
 #include "calib/prior/calibrated_rig.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -90,13 +90,10 @@ std::string ErrorOf(const CalibrationRecord& record,
                     bool is_named = false) {
   EarlierSource source{.record = &record, .cameras = {}, .is_named = is_named};
   for (size_t c = 0; c < inputs.size(); ++c) source.cameras.push_back(c);
-  try {
+  return RefusalOf([&] {
     (void)UseEarlierCalibrations(
         inputs, std::vector<EarlierParams>(inputs.size()), {source}, EarlierOptions{});
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
+  });
 }
 
 TEST(EarlierCameras, GiveStartValuesAndAPrior) {
@@ -211,11 +208,11 @@ TEST(EarlierCameras, OfTwoCalibrationsHaveIndependentPriors) {
 
 TEST(EarlierCameras, MustBeAlike) {
   CalibrationRecord record = Earlier({"left", "right"});
-  EXPECT_EQ(ErrorOf(record, Session({"left"})), "");
+  EXPECT_EQ(ErrorOf(record, Session({"left"})), "no refusal");
   EXPECT_THAT(ErrorOf(record, Session({"top"})), HasSubstr("has none of the session's cameras"));
   EXPECT_THAT(ErrorOf(record, Session({"top"}), true), HasSubstr("top"));
-  EXPECT_EQ(ErrorOf(Earlier({"left"}), Session({"top"}), true), "");
-  EXPECT_EQ(ErrorOf(record, Session({"top", "right"})), "");
+  EXPECT_EQ(ErrorOf(Earlier({"left"}), Session({"top"}), true), "no refusal");
+  EXPECT_EQ(ErrorOf(record, Session({"top", "right"})), "no refusal");
   CalibrationRecord three = Earlier({"left", "right", "back"});
   EXPECT_THAT(ErrorOf(three, Session({"top", "right", "back"})),
               HasSubstr("has not the session's first camera, top, but others"));
@@ -225,10 +222,10 @@ TEST(EarlierCameras, MustBeAlike) {
   EXPECT_THAT(ErrorOf(record, inputs),
               HasSubstr("images of 640 x 480 pixels, these are 320 x 480;"));
   inputs[0].image_size = {};
-  EXPECT_EQ(ErrorOf(record, inputs), "");
+  EXPECT_EQ(ErrorOf(record, inputs), "no refusal");
   record.cameras[0].image_size = {};
   inputs[0].image_size = {320, 480};
-  EXPECT_EQ(ErrorOf(record, inputs), "");
+  EXPECT_EQ(ErrorOf(record, inputs), "no refusal");
   inputs[0].model = FindModel(CameraModels(), "pinhole");
   EXPECT_THAT(ErrorOf(record, inputs),
               HasSubstr("left has model pinhole-radial3, the session has pinhole;"));
@@ -238,13 +235,9 @@ TEST(EarlierCameras, FixedParametersNeedAValue) {
   const CalibrationRecord record = Earlier({"left"});
   std::vector<CameraInput> inputs = Session({"left"});
   inputs[0].fixed[3] = true;
-  EXPECT_EQ(ErrorOf(record, inputs), "");
-  try {
-    (void)Use(record, inputs, {{.free = {3}}});
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("left: 'c_y' is to be fixed"));
-  }
+  EXPECT_EQ(ErrorOf(record, inputs), "no refusal");
+  EXPECT_THAT(RefusalOf([&] { (void)Use(record, inputs, {{.free = {3}}}); }),
+              HasSubstr("left: 'c_y' is to be fixed"));
 }
 
 // Standard errors of the left camera were multiplied by 3, those of the right one by 1.5.
@@ -279,13 +272,13 @@ TEST(EarlierCameras, MustHaveTheSameConstants) {
   inputs[0].initial.resize(count);
   inputs[0].fixed.resize(count, false);
   camera.config = inputs[0].config = {5e-6};
-  EXPECT_EQ(ErrorOf(record, inputs), "");
+  EXPECT_EQ(ErrorOf(record, inputs), "no refusal");
   inputs[0].config = {6e-6};
   EXPECT_EQ(ErrorOf(record, inputs),
             "earlier.yaml: left has pixel_size 5e-06, the session has 6e-06; use one value");
   // Where one of them states none.
   inputs[0].config.clear();
-  EXPECT_EQ(ErrorOf(record, inputs), "");
+  EXPECT_EQ(ErrorOf(record, inputs), "no refusal");
 }
 
 TEST(EarlierCameras, OfWhichOneIsCommonHaveNoExtrinsics) {
@@ -321,15 +314,12 @@ TEST(EarlierCameras, FixedParametersNeedAValueFromTheFirstOn) {
   for (const size_t k : {0, 6}) {
     std::vector<CameraInput> inputs = Session({"left", "right"});
     inputs[1].fixed[k] = true;
-    try {
-      (void)Use(record, inputs, {{}, {.free = {k}}});
-      ADD_FAILURE() << k;
-    } catch (const Error& error) {
-      EXPECT_EQ(std::string(error.what()),
-                "right: '" + std::string(inputs[1].model->params[k].name) +
-                    "' is to be fixed, but neither 'initial' nor the earlier calibration gives a "
-                    "value for it");
-    }
+    EXPECT_EQ(RefusalOf([&] {
+                (void)Use(record, inputs, {{}, {.free = {k}}});
+              }),
+              "right: '" + std::string(inputs[1].model->params[k].name) +
+                  "' is to be fixed, but neither 'initial' nor the earlier calibration gives a "
+                  "value for it");
     inputs[1].initial[k] = 1;
     EXPECT_EQ(Use(record, inputs, {{}, {.free = {k}}}).inputs[1].initial[k], 1);
   }

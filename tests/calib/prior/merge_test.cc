@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "calib/base/error.h"
 #include "calib/base/names.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -179,12 +179,7 @@ TEST_F(MergeTest, AParameterThatOneLeavesOpenIsThatOfTheOther) {
 TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
   Random random(4);
   const auto expect = [&](std::vector<CalibrationRecord> parts, const std::string& words) {
-    try {
-      (void)MergeCalibrations(parts, {});
-      FAIL() << words;
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr(words));
-    }
+    EXPECT_THAT(RefusalOf([&] { (void)MergeCalibrations(parts, {}); }), HasSubstr(words));
   };
   expect({Estimate({"left", "right"}, &random), Estimate({"top"}, &random)},
          "of_top.yaml: nothing in the calibrations places top with respect to left");
@@ -230,12 +225,7 @@ CalibrationRecord Plain(const std::string& path, const std::vector<PlainCamera>&
 
 std::string ErrorOfMerge(const std::vector<CalibrationRecord>& parts,
                          const MergeOptions& options = {}) {
-  try {
-    (void)MergeCalibrations(parts, options);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
+  return RefusalOf([&] { (void)MergeCalibrations(parts, options); });
 }
 
 // f_x, f_y and c_x are estimated, c_y is fixed.
@@ -365,7 +355,7 @@ TEST(Merge, RefusesOtherSizesAndConstants) {
         Eigen::MatrixXd::Identity(std::ssize(model->params), std::ssize(model->params));
     camera.config = {5e-6};
   }
-  EXPECT_EQ(ErrorOfMerge(parts), "");
+  EXPECT_EQ(ErrorOfMerge(parts), "no refusal");
   parts[1].cameras[0].config = {6e-6};
   EXPECT_EQ(ErrorOfMerge(parts), "b.yaml: left has pixel_size 6e-06, in a.yaml 5e-06");
 }
@@ -474,7 +464,7 @@ TEST(Merge, RefusesToMoveTheFirstAndUnknownCameras) {
   // A camera that is placed by one that moved alone.
   std::vector<CalibrationRecord> parts = TwoOfAPair();
   parts[1] = Plain("b.yaml", {{.name = "right"}, {.name = "top", .x = -0.1, .sigma_x = 1e-3}});
-  EXPECT_EQ(ErrorOfMerge(parts), "");
+  EXPECT_EQ(ErrorOfMerge(parts), "no refusal");
   EXPECT_EQ(ErrorOfMerge(parts, {.moved = {"right"}}),
             "b.yaml: nothing in the calibrations places right with respect to left");
 }

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "calib/base/error.h"
+#include "tests/refusal.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -62,16 +62,11 @@ TEST(StoredPixels, OfColoursAreBlueGreenRed) {
 
 TEST(StoredPixels, RefusesWhatDoesNotHoldThePixels) {
   const auto message = [](const StoredImage& stored) -> std::string {
-    try {
-      ImageOfPixels(stored, "bag");
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return {};
+    return testing::RefusalOf([&] { ImageOfPixels(stored, "bag"); });
   };
   StoredImage stored = Pixels("mono8", 3, false);
   stored.bytes.resize(stored.step + 3);  // the last row may end with its pixels
-  EXPECT_EQ(message(stored), "");
+  EXPECT_EQ(message(stored), "no refusal");
   stored.bytes.pop_back();
   EXPECT_THAT(message(stored), HasSubstr("bag: "));
   EXPECT_THAT(message(stored), HasSubstr("do not fit into its 7 bytes"));

@@ -35,6 +35,7 @@
 #include "detectors/types/marker_detectors.h"
 #include "tests/detectors/render.h"
 #include "tests/optional_data.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -595,13 +596,8 @@ TEST(TagDetector, ResultsDoNotDependOnEarlierImages) {
 TEST(MarkerDetector, RefusesTargetsOfTypeMarkers) {
   Target target;
   target.layout = MarkersLayout{};
-  try {
-    MakeMarkerDetector(target);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(), HasSubstr("detections: file.csv"));
-  }
+  EXPECT_THAT(testing::RefusalOf([&] { MakeMarkerDetector(target); }),
+              HasSubstr("detections: file.csv"));
 }
 
 // Real and simulated sets.

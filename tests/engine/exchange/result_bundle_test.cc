@@ -8,6 +8,7 @@
 #include <map>
 
 #include "engine/recording/stores/zip_archive.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

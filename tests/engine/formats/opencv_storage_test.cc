@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
@@ -32,12 +33,8 @@ TEST_F(OpenCvStorage, IsReadWithAndWithoutItsFirstLine) {
   // Places in messages are those of the file.
   const YamlNode root =
       ReadStorage(Write("camera.yml", std::string(kOpenCvHead) + "width: many\n"));
-  try {
-    (void)root.At("width").AsInteger();
-    ADD_FAILURE();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("camera.yml:3:"));
-  }
+  EXPECT_THAT(testing::RefusalOf([&] { (void)root.At("width").AsInteger(); }),
+              HasSubstr("camera.yml:3:"));
 }
 
 TEST_F(OpenCvStorage, HoldsMatricesAndLists) {

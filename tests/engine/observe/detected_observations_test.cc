@@ -10,6 +10,7 @@
 #include "engine/session/memory_session.h"
 #include "models/registry.h"
 #include "tests/engine/observe/earlier_detections.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -14,6 +14,7 @@
 #include "engine/session/memory_session.h"
 #include "models/registry.h"
 #include "tests/engine/pinhole_board.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

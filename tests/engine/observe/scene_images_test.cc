@@ -14,6 +14,7 @@
 #include "models/registry.h"
 #include "targets/tags/tag_family.h"
 #include "tests/engine/scene/texture.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

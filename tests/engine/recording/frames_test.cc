@@ -13,6 +13,7 @@
 #include "engine/recording/frames/times.h"
 #include "engine/recording/recorded_frames.h"
 #include "engine/recording/stores/image_index.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -9,6 +9,7 @@
 #include "engine/recording/recorded_topics.h"
 #include "engine/recording/stores/message_log.h"
 #include "tests/engine/recording/message_bytes.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

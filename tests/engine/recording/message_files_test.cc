@@ -13,6 +13,7 @@
 #include "engine/recording/messages/db3_file.h"
 #include "engine/recording/messages/mcap_file.h"
 #include "tests/engine/recording/message_bytes.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

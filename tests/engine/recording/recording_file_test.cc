@@ -7,6 +7,7 @@
 
 #include <regex>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

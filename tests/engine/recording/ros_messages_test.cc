@@ -5,7 +5,7 @@
 
 #include "detectors/images/image_header.h"
 #include "tests/engine/recording/message_bytes.h"
-#include "tests/temporary_folder.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

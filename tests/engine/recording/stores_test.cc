@@ -9,6 +9,7 @@
 #include "engine/recording/stores/zip_archive.h"
 #include "tests/apps/recording/small_images.h"
 #include "tests/engine/recording/message_bytes.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -10,6 +10,7 @@
 #include "engine/recording/recording_summary.h"
 #include "engine/recording/supplied_detections.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

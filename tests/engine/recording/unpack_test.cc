@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "tests/engine/recording/message_bytes.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -8,6 +8,7 @@
 
 #include "engine/recording/stores/image_lister.h"
 #include "engine/recording/video/video_store.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

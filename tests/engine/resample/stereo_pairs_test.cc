@@ -5,9 +5,9 @@
 
 #include <opencv2/core.hpp>
 
-#include "calib/base/error.h"
 #include "detectors/images/image.h"
 #include "detectors/images/image_codecs.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -31,13 +31,7 @@ std::vector<std::string> Names(const std::vector<FrameImage>& images) {
 }
 
 std::string Message(const StereoImages& images) {
-  try {
-    PairImages(images);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no error";
+  return testing::RefusalOf([&] { PairImages(images); });
 }
 
 TEST(PairImages, PairsEqualFramesAndNamesTheOthers) {

@@ -13,6 +13,7 @@
 
 #include "calib/base/statistics.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -13,6 +13,7 @@
 #include "engine/rigs/hand_eye_poses.h"
 #include "engine/rigs/pose_text.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

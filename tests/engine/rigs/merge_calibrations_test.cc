@@ -8,6 +8,7 @@
 
 #include "calib/files/calibration_file.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -11,6 +11,7 @@
 
 #include "calib/files/calibration_file.h"
 #include "tests/engine/rigs/parallel_pair.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -12,6 +12,7 @@
 #include "calib/files/session.h"
 #include "detectors/images/image.h"
 #include "tests/engine/rigs/parallel_pair.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -13,6 +13,7 @@
 #include "calib/base/statistics.h"
 #include "tests/calib/space/uncertain_rig.h"
 #include "tests/engine/rigs/parallel_pair.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -16,6 +16,7 @@
 #include "engine/scene/track/feature_tracker.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -11,7 +11,7 @@
 #include "engine/scene/scene_calibration.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
-#include "tests/temporary_folder.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

@@ -7,7 +7,7 @@
 
 #include "models/registry.h"
 #include "tests/calib/random.h"
-#include "tests/temporary_folder.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

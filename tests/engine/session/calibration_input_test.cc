@@ -9,6 +9,7 @@
 #include "engine/recording/messages/ros_messages.h"
 #include "engine/session/earlier_session.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -9,6 +9,7 @@
 #include "engine/session/memory_session.h"
 #include "engine/session/open_session.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "models/registry.h"
-#include "tests/temporary_folder.h"
+#include "tests/refusal.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {

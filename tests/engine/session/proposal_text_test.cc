@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

@@ -10,6 +10,7 @@
 #include "engine/session/run_folders.h"
 #include "engine/session/run_provenance.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal::testing {

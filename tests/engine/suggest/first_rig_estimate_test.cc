@@ -10,8 +10,8 @@
 #include <string>
 #include <tuple>
 
-#include "calib/base/error.h"
 #include "models/registry.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -64,13 +64,8 @@ TEST(FirstRigEstimate, HasRadiiInProportionToTheAngleBeyond100Degrees) {
 }
 
 std::string Refusal(const FirstCamera& camera) {
-  try {
-    MakeFirstRigEstimate({camera}, Board(), MarkerFreedom::Rigid());
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    return error.what();
-  }
-  return "no message";
+  return testing::RefusalOf(
+      [&] { MakeFirstRigEstimate({camera}, Board(), MarkerFreedom::Rigid()); });
 }
 
 TEST(FirstRigEstimate, IsRefusedWhereAnAngleDoesNotDescribeTheLens) {

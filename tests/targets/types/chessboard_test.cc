@@ -40,7 +40,7 @@ TEST(ChessboardTarget, RefusesWrongSizesAndCounts) {
   EXPECT_THAT(chess("4", "-1"), HasSubstr("write a number above 0"));
   EXPECT_THAT(chess("4", ".nan"),
               HasSubstr("square: expected a length in metres or with its unit, got '.nan'"));
-  EXPECT_EQ(chess("4", "30mm"), "no error");
+  EXPECT_EQ(chess("4", "30mm"), "no refusal");
   EXPECT_THAT(chess("1", "0.03"),
               HasSubstr(".yaml:4:10: columns: expected a number from 2 to 1000, got '1'"));
   EXPECT_THAT(chess("1001", "0.03"), HasSubstr("got '1001'"));

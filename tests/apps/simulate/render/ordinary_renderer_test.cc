@@ -15,10 +15,10 @@
 #include "apps/simulate/render/renderer.h"
 #include "apps/simulate/render/sensor.h"
 #include "apps/simulate/spec/random.h"
-#include "calib/base/error.h"
 #include "detectors/images/image.h"
 #include "tests/apps/simulate/small_scene.h"
 #include "tests/apps/workspace.h"
+#include "tests/refusal.h"
 
 namespace plenocal::simulate {
 namespace TEST_FILE {
@@ -259,17 +259,13 @@ TEST_F(SimulatedImageFiles, AreMadeSlowOnesFirstAndRefusedBesideOthers) {
     WriteImages(tasks, Path("out"), 1, progress, &out);
   }
   Write("out/a/5.png", "");
-  try {
-    OutputFolder out(Path("out"));
-    WriteImages(tasks, Path("out"), 1, progress, &out);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_EQ(error.what(),
-              Path("out/a/5.png").string() +
-                  ": is no image of this session but would be taken for one; remove it or give "
-                  "another folder with -o");
-  }
+  EXPECT_EQ(testing::RefusalOf([&] {
+              OutputFolder out(Path("out"));
+              WriteImages(tasks, Path("out"), 1, progress, &out);
+            }),
+            Path("out/a/5.png").string() +
+                ": is no image of this session but would be taken for one; remove it or give "
+                "another folder with -o");
 }
 
 TEST(SimulatedObserver, SeesMarkersThatFaceTheCameraWithinItsImage) {

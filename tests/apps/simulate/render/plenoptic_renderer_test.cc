@@ -11,8 +11,8 @@
 #include "apps/simulate/render/micro_lens_optics.h"
 #include "apps/simulate/render/renderer.h"
 #include "apps/simulate/render/surface.h"
-#include "calib/base/error.h"
 #include "tests/apps/simulate/small_scene.h"
+#include "tests/refusal.h"
 
 namespace plenocal::simulate {
 namespace TEST_FILE {
@@ -177,14 +177,8 @@ TEST(MicroLensOptics, ObservesAPointThroughAllLensesWhoseMicroImageHoldsIt) {
 TEST(MicroLensOptics, RefusesAnArrayOfFewLenses) {
   CameraSpec camera = Plenoptic(false);
   camera.micro_lenses->pitch = 60;
-  try {
-    const MicroLensOptics optics(camera);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kInput);
-    EXPECT_THAT(error.what(),
-                ::testing::MatchesRegex("cameras.raw: only 9 micro lenses fit on the sensor"));
-  }
+  EXPECT_THAT(testing::RefusalOf([&] { const MicroLensOptics optics(camera); }),
+              ::testing::MatchesRegex("cameras.raw: only 9 micro lenses fit on the sensor"));
 }
 
 // A plane z = 0.4 m whose brightness is given.

@@ -12,6 +12,7 @@
 #include "apps/simulate/spec/random.h"
 #include "calib/base/error.h"
 #include "tests/apps/simulate/small_scene.h"
+#include "tests/refusal.h"
 
 namespace plenocal::simulate {
 namespace TEST_FILE {
@@ -183,15 +184,9 @@ TEST(SceneFiles, HaveTheLongestOfSomeDistancesBetweenPointsThatAreSeenOften) {
   EXPECT_THAT(DrawDistances(spec, points, observed), IsEmpty());
   scene.distances = 1;
   observed[4] = 10;
-  try {
-    DrawDistances(spec, points, observed);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_STREQ(
-        error.what(),
-        "spec.yaml: scene.distances: no two points are seen in 10 images; give more frames or points");
-  }
+  EXPECT_EQ(
+      testing::RefusalOf([&] { DrawDistances(spec, points, observed); }, ErrorKind::kJob),
+      "spec.yaml: scene.distances: no two points are seen in 10 images; give more frames or points");
   observed[5] = 10;
   EXPECT_THAT(DrawDistances(spec, points, observed),
               ElementsAre(::testing::StartsWith("{between: [point ")));

@@ -13,6 +13,7 @@
 #include "apps/simulate/spec/random.h"
 #include "calib/base/error.h"
 #include "tests/apps/simulate/small_scene.h"
+#include "tests/refusal.h"
 
 namespace plenocal::simulate {
 namespace TEST_FILE {
@@ -281,16 +282,11 @@ TEST(ScenePoints, AreRefusedWhereNothingIsWithinTheDepths) {
   Staged staged([](SceneSpec*, TrajectorySpec*) {});
   staged.spec.scenery->scene.nearest = 300;
   staged.spec.scenery->scene.farthest = 400.5;
-  try {
-    DrawPoints(staged.spec, *staged.observer, staged.path, *staged.scene);
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kJob);
-    EXPECT_STREQ(
-        error.what(),
-        "spec.yaml: scene: the cameras see no surface at depths from 300 to 400.5 m; correct "
-        "'near', 'far' or the trajectory");
-  }
+  EXPECT_EQ(testing::RefusalOf(
+                [&] { DrawPoints(staged.spec, *staged.observer, staged.path, *staged.scene); },
+                ErrorKind::kJob),
+            "spec.yaml: scene: the cameras see no surface at depths from 300 to 400.5 m; correct "
+            "'near', 'far' or the trajectory");
 }
 
 }  // namespace TEST_FILE

@@ -12,6 +12,7 @@
 
 #include "calib/base/error.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -107,14 +108,14 @@ INSTANTIATE_TEST_SUITE_P(
     Cameras,
     FocusedScene,
     ::testing::Values(Case{"Galilean", {}},
-                    Case{"Turned", {.rotation = std::numbers::pi / 2 + 0.01}},
-                    Case{"OneType", {.types = 1}},
-                    Case{"Keplerian", {.depth = -3.5}},
-                    Case{"SmallPitch", {.pitch = 10, .depth = 3.2, .detail = 14}},
-                    Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}},
-                    Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}},
-                    Case{"Dark", {.brightness = 75}},
-                    Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb}}),
+                      Case{"Turned", {.rotation = std::numbers::pi / 2 + 0.01}},
+                      Case{"OneType", {.types = 1}},
+                      Case{"Keplerian", {.depth = -3.5}},
+                      Case{"SmallPitch", {.pitch = 10, .depth = 3.2, .detail = 14}},
+                      Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}},
+                      Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}},
+                      Case{"Dark", {.brightness = 75}},
+                      Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb}}),
     [](const auto& param) { return param.param.name; });
 
 using ColouredScene = FocusedScene;
@@ -184,13 +185,10 @@ TEST(GreyPatches, AreTheSameUnderAnyLight) {
   EXPECT_LT(*highest / *lowest, 1.02);
 }
 
-std::string Refusal(const cv::Mat& raw, const PlenopticCamera& camera) {
-  try {
-    Reconstruct(raw, camera, {});
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "not refused";
+std::string Refusal(const cv::Mat& raw,
+                    const PlenopticCamera& camera,
+                    ErrorKind kind = ErrorKind::kJob) {
+  return testing::RefusalOf([&] { Reconstruct(raw, camera, {}); }, kind);
 }
 
 class FocusRefuses : public ::testing::Test {
@@ -225,7 +223,8 @@ TEST_F(FocusRefuses, AnImageWithoutMicroImages) {
 }
 
 TEST_F(FocusRefuses, AnImageOfAnotherSize) {
-  EXPECT_THAT(Refusal(cv::Mat::zeros(300, 400, CV_8U), camera_), HasSubstr("is 400 x 300 pixels"));
+  EXPECT_THAT(Refusal(cv::Mat::zeros(300, 400, CV_8U), camera_, ErrorKind::kInput),
+              HasSubstr("is 400 x 300 pixels"));
 }
 
 /// Of the micro images of a scene through an array `scale` times as wide, `shift` px aside, by the
