@@ -172,10 +172,15 @@ class Suite:
                 return set()
             return {n for n, byte in enumerate(pathlib.Path(file.name).read_bytes()) if byte}
 
-    def try_mutant(self, number, path, names, seconds):
-        """Whether a test notices a mutant of a file, and how many have run: those first that have noticed others of the file."""
+    def try_mutant(self, number, path, top, names, seconds):
+        """Whether a test notices a mutant of a file below the folder `top`, and how many have run.
+
+        Those first that have noticed others of the file, and those of the folder itself, in which most are noticed.
+        """
         start = time.monotonic()
-        cost = {name: self.seconds[name] / (1 + self.noticed[path, name]) for name in names}
+        foreign = 10  # times its own
+        cost = {name: self.seconds[name] / (1 + self.noticed[path, name]) * (1 if name.startswith(f"{top}/") else foreign)
+                for name in names}
         for ran, name in enumerate(sorted(names, key=cost.get)):
             if time.monotonic() - start > seconds:
                 return False, ran
@@ -297,7 +302,8 @@ def main():
         reached = {n: [name for name, points in tests.items() if n in points] for n in order}
 
         def attempt(n):
-            return suite.try_mutant(n, mutants[n].path, reached[n], options.seconds)
+            path = mutants[n].path
+            return suite.try_mutant(n, path, path.relative_to(options.work).parts[0], reached[n], options.seconds)
         for n, (noticed, ran) in zip(order, pool.map(attempt, order)):
             point = mutants[n]
             if reached[n]:
