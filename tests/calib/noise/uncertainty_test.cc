@@ -262,5 +262,31 @@ TEST(Uncertainty, NamesWhatOneViewOfAPlaneLeavesOpen) {
   EXPECT_FALSE(uncertainty.open.empty());
 }
 
+// Frames of one camera each: nothing tells how the cameras are mounted, all else is determined.
+TEST(Uncertainty, OfAMountThatNoFrameShowsIsInfinite) {
+  Bundle bundle = ExactBundle({.cameras = 2, .frames = 8});
+  std::erase_if(bundle.observations, [](const BundleObservation& observation) {
+    return observation.frame % 2 != observation.camera;
+  });
+  const Uncertainty uncertainty = EstimateUncertainty(bundle);
+  ASSERT_EQ(uncertainty.open.size(), 6U);
+  Eigen::Index infinite = 0;
+  for (const OpenDirection& direction : uncertainty.open) {
+    EXPECT_GT(direction.sigma, 100) << "rounding";
+    infinite += std::isinf(direction.sigma) ? 1 : 0;
+    EXPECT_TRUE(direction.parts.at(0).first.starts_with("cam1.T_camera_rig."))
+        << direction.parts[0].first;
+  }
+  EXPECT_GT(infinite, 0);
+  EXPECT_EQ(uncertainty.undetermined.cols(), infinite);
+  EXPECT_TRUE(std::isinf(uncertainty.extrinsics_covariance[1].diagonal().maxCoeff()));
+  EXPECT_EQ(uncertainty.extrinsics_covariance[0], Matrix6d::Zero());
+  for (size_t c = 0; c < 2; ++c) {
+    for (const double sigma : uncertainty.param_std_errors[c]) {
+      EXPECT_TRUE(sigma > 0 && std::isfinite(sigma)) << c;
+    }
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal
