@@ -121,6 +121,49 @@ TEST(DistortionField, GivesDisplacementsThatEdgesDoNotShow) {
   EXPECT_LT(left.col(1).norm(), 0.02 * left.col(0).norm());
 }
 
+// What edges do not show follows from the field: the terms of third order of a radial distortion
+// A |q|^2n q, by differences. A homography's part of them is as small as the distortion's slope.
+TEST(DistortionField, HasTheThirdOrderOfEachRadialTerm) {
+  const double radius = kSize.norm() / 2;
+  for (const int n : {1, 2, 3}) {
+    const auto displacement = [&](const Eigen::Vector2d& x) -> Eigen::Vector2d {
+      const Eigen::Vector2d q = (x - kAxis) / radius;
+      return radius * 0.05 * std::pow(q.squaredNorm(), n) * q;
+    };
+    const auto curvature = [&](const Eigen::Vector2d& place, const Eigen::Vector2d& normal) {
+      const Eigen::Vector2d half(30 * normal.y(), -30 * normal.x());
+      return normal.dot(displacement(place + half) + displacement(place - half) -
+                        2 * displacement(place)) /
+             (2 * half.squaredNorm());
+    };
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    std::vector<DistortionMeasurement> measurements;
+    for (int i = 0; i < 600; ++i) {
+      const double y = uniform(random) * kSize.y(), x = uniform(random) * kSize.x();
+      const double angle = 2 * std::numbers::pi * uniform(random);
+      measurements.push_back(MeasureEdge({x, y}, angle, curvature, 1e-6));
+    }
+    const DistortionField field(measurements);
+    for (const Eigen::Vector2d& place :
+         {Eigen::Vector2d(120, 90), {500, 400}, {330, 60}, {560, 230}}) {
+      const internal::DistortionBasis basis(place, kSize);
+      const LocalDistortion local = field.At(basis.p());
+      double errors = 0, lengths = 0;
+      for (int k = 0; k < 12; ++k) {
+        const double angle = k * std::numbers::pi / 6;
+        const Eigen::Vector2d d(40 * std::cos(angle), 40 * std::sin(angle)), one = d / 40;
+        const Eigen::Vector2d odd = (displacement(place + d) - displacement(place - d)) / 2,
+                              linear = 20 * (displacement(place + one) - displacement(place - one));
+        const Eigen::Vector2d found = (basis.At(d) - basis.At(-d)) * local / 2;
+        errors += (found - (odd - linear)).squaredNorm();
+        lengths += (odd - linear).squaredNorm();
+      }
+      EXPECT_LT(std::sqrt(errors / lengths), 0.1) << n << " at " << place.transpose();
+    }
+  }
+}
+
 TEST(DistortionField, StatesItsUncertainty) {
   double chi2 = 0;
   int n = 0;
