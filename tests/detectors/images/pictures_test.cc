@@ -53,6 +53,13 @@ TEST(MarkerPicture, HasACrossAtEachMarker) {
   EXPECT_NEAR(at.y, 151, 0.2);
 }
 
+TEST(MarkerPicture, IsEnlargedFourTimesAtMostAndNotReduced) {
+  for (const auto& [width, factor] : {std::pair(50, 4), {250, 4}, {499, 2}, {501, 1}, {1500, 1}}) {
+    const cv::Mat gray(40, width, CV_8U, cv::Scalar(40));
+    EXPECT_EQ(internal::MarkerPicture(gray, {}).size(), cv::Size(factor * width, factor * 40));
+  }
+}
+
 // A number over another is left out, its cross is not.
 TEST(MarkerPicture, HasNoNumberOverAnother) {
   const cv::Mat gray(1000, 1000, CV_8U, cv::Scalar(40));
