@@ -15,6 +15,7 @@
 
 #include "apps/photometry/images/image_spline.h"
 #include "apps/photometry/response/rising_values.h"
+#include "calib/base/error.h"
 #include "tests/apps/workspace.h"
 #include "tests/refusal.h"
 
@@ -157,7 +158,7 @@ TEST(ResponseFit, SeesThatTheGainWasNotFixed) {
 
 TEST(ResponseFit, RefusesEqualExposuresAndSaturation) {
   const auto message = [](const ExposureSweep& sweep) {
-    return RefusalOf([&] { FitResponse(sweep, "here", 1); });
+    return RefusalOf([&] { FitResponse(sweep, "here", 1); }, ErrorKind::kJob);
   };
   EXPECT_THAT(message(MakeSweep(20, 1.5)), HasSubstr("exposures that differ"));
   ExposureSweep bright = MakeSweep(20, 100);
