@@ -178,8 +178,8 @@ class Suite:
         Those first that have noticed others of the file, and those of the folder itself, in which most are noticed.
         """
         start = time.monotonic()
-        foreign = 10  # times its own
-        cost = {name: self.seconds[name] / (1 + self.noticed[path, name]) * (1 if name.startswith(f"{top}/") else foreign)
+        foreign_factor = 10
+        cost = {name: self.seconds[name] / (1 + self.noticed[path, name]) * (1 if name.startswith(f"{top}/") else foreign_factor)
                 for name in names}
         for ran, name in enumerate(sorted(names, key=cost.get)):
             if time.monotonic() - start > seconds:

@@ -123,8 +123,8 @@ void CheckImageNames(const std::vector<FrameImage>& images, const std::string& s
     const auto [first, is_new] = seen.emplace(image.frame, image.path);
     if (!is_new) {
       throw InputError(
-          "{} and {}: both results would be named '{}{}'; run them with "
-          "different -o",
+          "{} and {}: both results would be named '{}{}'; rename one, or run them with different "
+          "-o",
           first->second.string(),
           image.path.string(),
           image.frame,

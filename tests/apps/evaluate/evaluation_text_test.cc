@@ -62,7 +62,7 @@ TEST(EvaluationText, HasACellOfEachMetric) {
   EvaluatedRun run = RunOf("run");
   run.loop = Loop();
   evaluation.runs.push_back(run);
-  run.name = "one eye";
+  run.name = "monocular";
   run.monocular = true;
   evaluation.runs.push_back(run);
   evaluation.runs.emplace_back().name = "lost";
@@ -105,9 +105,9 @@ TEST(EvaluationText, HasACellOfEachMetric) {
                           "0.125",
                           "0.0625",
                           "3"));
-  // The scale of one camera's path means nothing.
+  // A monocular run has no scale.
   EXPECT_THAT(Cells(lines[2]),
-              ElementsAre("one eye",
+              ElementsAre("monocular",
                           "41",
                           "60",
                           "1.25000",
@@ -147,7 +147,7 @@ TEST(EvaluationText, MarksWhatTheTruthDoesNotResolve) {
   EXPECT_THAT(text, HasSubstr(" 0.75*  "));
   EXPECT_THAT(text, HasSubstr("\n* not resolved: "));
   EXPECT_THAT(Cells(Lines(text)[4]), ElementsAre("run", "0.5", "0.5", "0.5", "0.5", "0.25", "0.5"));
-  // Of one camera's path the absolute scale does not count.
+  // The absolute scale of a monocular run does not count.
   evaluation.runs[0].monocular = true;
   evaluation.runs[0].loop_errors->translation_drift.resolved = true;
   evaluation.runs[0].loop_errors->absolute_scale.resolved = false;

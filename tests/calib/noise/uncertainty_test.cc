@@ -262,8 +262,8 @@ TEST(Uncertainty, NamesWhatOneViewOfAPlaneLeavesOpen) {
   EXPECT_FALSE(uncertainty.open.empty());
 }
 
-// Frames of one camera each: nothing tells how the cameras are mounted, all else is determined.
-TEST(Uncertainty, OfAMountThatNoFrameShowsIsInfinite) {
+// No frame has points of both cameras: the extrinsics are not determined, all else is.
+TEST(Uncertainty, OfExtrinsicsWithoutACommonFrameIsInfinite) {
   Bundle bundle = ExactBundle({.cameras = 2, .frames = 8});
   std::erase_if(bundle.observations, [](const BundleObservation& observation) {
     return observation.frame % 2 != observation.camera;

@@ -21,8 +21,9 @@ struct AccuracyArguments : AccuracyRequest {
 
 // "0.1" of all cameras, or "left=0.1".
 void AddNoise(const std::string& word, AccuracyRequest* request) {
-  const size_t equals = word.find('=');  // npos + 1 is 0
+  const size_t equals = word.find('=');
   double sigma = 0;
+  // Without a name all of the word is the number: npos + 1 is 0.
   if (!CLI::detail::lexical_cast(word.substr(equals + 1), sigma) || !(sigma > 0)) {
     throw InputError("--noise {}: expected px above 0, as 0.1 or left=0.1", word);
   }
