@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/statistics.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
 #include "tests/calib/synthetic.h"
@@ -130,6 +131,28 @@ TEST(StressTests, OfFramesAtOneDistanceHaveNoNearOnes) {
   const std::vector<StressTest> tests = Stress(problem);
   EXPECT_THAT(FailureOf(tests, "near/far"), HasSubstr("the distances of the frames differ by"));
   EXPECT_EQ(FailureOf(tests, "odd/even"), "");
+}
+
+// The border has the fifth of the points that is farthest from the middle.
+TEST(StressTests, OfPointsMovedOutwardsFarFromTheMiddleDifferAtTheBorder) {
+  SyntheticProblem problem = Problem(1);
+  CameraInput& camera = problem.input.cameras[0];
+  const Eigen::Vector2d middle((camera.image_size[0] - 1) / 2.0, (camera.image_size[1] - 1) / 2.0);
+  std::vector<double> radii;
+  for (const View& view : camera.views) {
+    for (const Observation& seen : view.observations) {
+      radii.push_back((Eigen::Vector2d(seen.values[0], seen.values[1]) - middle).norm());
+    }
+  }
+  const double border = Quantile(radii, 0.8);
+  for (View& view : camera.views) {
+    for (Observation& seen : view.observations) {
+      const Eigen::Vector2d r = Eigen::Vector2d(seen.values[0], seen.values[1]) - middle;
+      if (r.norm() <= border) continue;
+      for (int k = 0; k < 2; ++k) seen.values[static_cast<size_t>(k)] += r.normalized()[k];
+    }
+  }
+  EXPECT_THAT(Failing(Stress(problem)), Contains("border"));
 }
 
 TEST(StressTests, OfPointsInOneQuarterOfTheImageHaveNoOtherRegion) {

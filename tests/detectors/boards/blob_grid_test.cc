@@ -77,6 +77,41 @@ TEST(FindBlobGrid, ToleratesAFewMissingCircles) {
   EXPECT_EQ(grid->rows, 7);
 }
 
+// A row of the grid is nearest where it is seen at a slant; every angle in the image will do.
+TEST(FindBlobGrid, IsFoundAtEveryAngle) {
+  for (int k = -4; k < 4; ++k) {
+    const Drawing drawing{.columns = 6, .rows = 4, .angle = 0.12 * k};
+    const auto grid = FindBlobGrid(Draw(drawing));
+    ASSERT_TRUE(grid) << k;
+    EXPECT_EQ(grid->columns, 6) << k;
+    EXPECT_EQ(grid->rows, 4) << k;
+  }
+}
+
+// Circles that are not on the lattice, the last near a corner of the grid.
+TEST(FindBlobGrid, LeavesOutCirclesBesideIt) {
+  cv::Mat image = Draw({.columns = 6, .rows = 5});
+  for (const cv::Point& at : {cv::Point(40, 40), {600, 60}, {560, 420}, {40, 300}, {125, 75}}) {
+    cv::circle(image, at, 8, 30, cv::FILLED, cv::LINE_AA);
+  }
+  const auto grid = FindBlobGrid(image);
+  ASSERT_TRUE(grid);
+  EXPECT_EQ(grid->columns, 6);
+  EXPECT_EQ(grid->rows, 5);
+}
+
+TEST(FindBlobGrid, OfTwoIsTheLarger) {
+  for (const bool larger_first : {false, true}) {
+    cv::Mat image(480, 1280, CV_8U, cv::Scalar(220));
+    Draw({.columns = larger_first ? 7 : 5, .rows = 5}).copyTo(image(cv::Rect(0, 0, 640, 480)));
+    Draw({.columns = larger_first ? 5 : 7, .rows = 5}).copyTo(image(cv::Rect(640, 0, 640, 480)));
+    const auto grid = FindBlobGrid(image);
+    ASSERT_TRUE(grid);
+    EXPECT_EQ(grid->columns, 7);
+    EXPECT_EQ(grid->rows, 5);
+  }
+}
+
 TEST(FindBlobGrid, IsNoneWithoutThreeByThreeCircles) {
   EXPECT_FALSE(FindBlobGrid(cv::Mat(480, 640, CV_8U, cv::Scalar(128))));
   EXPECT_FALSE(FindBlobGrid(Draw({.columns = 7, .rows = 2})));

@@ -215,6 +215,27 @@ TEST(CharucoDetector, LeavesOutCoveredCorners) {
   EXPECT_THAT(found.left_out, ::testing::ElementsAre(::testing::StartsWith("corner 8: ")));
 }
 
+// Two markers of one corner of the board are printed at the opposite one: they agree with each
+// other alone.
+TEST(CharucoDetector, LeavesOutMarkersThatMostOfTheirNeighboursContradict) {
+  const GrayFunction board = Board(7, 5, false);
+  const GrayFunction swapped = [&](const Eigen::Vector2d& p) {
+    const Eigen::Vector2d offset(5, 3), square = p.array().floor();
+    for (const Eigen::Vector2d& one : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
+      if (square == one) return board(p + offset);
+      if (square == one + offset) return board(p - offset);
+    }
+    return board(p);
+  };
+  const Eigen::Matrix3d H = TiltedView(40, 0.1, 40, 30);
+  const MarkerDetections found = MakeMarkerDetector(Charuco(7, 5))
+                                     ->Detect(Render(View(swapped, H), {360, 280}, {.blur = 0.7}));
+  EXPECT_EQ(found.markers.size(), 24) << found.failure;
+  Statistics statistics;
+  statistics.Add(found, Truth(7, 5, H));
+  EXPECT_LT(statistics.Rms(), 0.05);
+}
+
 TEST(CharucoDetector, SaysWhyNothingWasFound) {
   const auto detector = MakeMarkerDetector(Charuco(7, 5));
   for (const cv::Mat& image : EmptyImages()) {

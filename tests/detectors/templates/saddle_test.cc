@@ -134,5 +134,52 @@ TEST(FitSaddle, RefusesWhatIsNoCrossing) {
       << "squares of 1.6 px hold too few pixels";
 }
 
+// A chessboard of 6 x 5 inner corners behind a lens of barrel distortion.
+struct BentBoard {
+  static constexpr int kColumns = 6, kRows = 5;
+  static constexpr double kSquare = 26, kBend = 0.015;
+  Eigen::Vector2d middle{90.2, 80.4};
+
+  double operator()(const Eigen::Vector2d& x) const {
+    const Eigen::Vector2d q = (x - middle) / kSquare;
+    const Eigen::Vector2d s = q * (1 + kBend * q.squaredNorm()) + Eigen::Vector2d(2.5, 2);
+    const auto square = static_cast<int>(std::floor(s.x()) + std::floor(s.y()));
+    return square % 2 == 0 ? kWhite : kBlack;
+  }
+  [[nodiscard]] Eigen::Vector2d Corner(int row, int column) const {
+    const Eigen::Vector2d undistorted(column - 2.5, row - 2);
+    Eigen::Vector2d q = undistorted;
+    for (int i = 0; i < 50; ++i) q = undistorted / (1 + kBend * q.squaredNorm());
+    return middle + kSquare * q;
+  }
+};
+
+// Straight edges would be off by 0.15 px at the board's border.
+TEST(RefineGrid, FollowsBentLinesToTheBorderAndBesideAGap) {
+  const BentBoard board;
+  const cv::Mat gray = Render(board, {181, 161}, {.blur = 0.7});
+  std::vector<std::optional<Eigen::Vector2d>> guesses;
+  for (int row = 0; row < BentBoard::kRows; ++row) {
+    for (int column = 0; column < BentBoard::kColumns; ++column) {
+      guesses.emplace_back(board.Corner(row, column) +
+                           0.4 * Eigen::Vector2d(column % 2 == 0 ? 1 : -1, row % 3 - 1));
+    }
+  }
+  constexpr size_t kGap = 2 * BentBoard::kColumns + 3;
+  for (const bool gap : {false, true}) {
+    if (gap) guesses[kGap].reset();
+    const CornerGrid grid = RefineGrid(gray, BentBoard::kColumns, BentBoard::kRows, guesses);
+    for (size_t i = 0; i < guesses.size(); ++i) {
+      ASSERT_EQ(grid.corners[i].has_value(), guesses[i].has_value()) << i;
+      if (!guesses[i]) continue;
+      const auto row = static_cast<int>(i) / BentBoard::kColumns;
+      const auto column = static_cast<int>(i) % BentBoard::kColumns;
+      EXPECT_LT((grid.corners[i]->p - board.Corner(row, column)).norm(), 0.04)
+          << "row " << row << ", column " << column << (gap ? ", with a gap" : "");
+      EXPECT_EQ(grid.corners[i]->contrast > 0, (row + column) % 2 == 0);
+    }
+  }
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::internal

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -101,6 +102,55 @@ TEST(MicroImages, OfDeadMicroLensesAreNotUsable) {
   for (const LatticeMeasurement& each : field.images.Measurements()) {
     EXPECT_FALSE(dead.contains({each.node.column, each.node.row}));
   }
+}
+
+// Their light falls on the sensor, too; of their own there is no measurement.
+TEST(MicroImages, BesideTheSensorHaveTheMeansOfTheirNeighboursOnIt) {
+  const WhiteField field{.size = {200, 160}, .types = 1, .tilt = 0.004, .gain_scatter = 0.05};
+  const RenderedField rendered = Render(field);
+  const Eigen::Matrix2d basis = Measured::Basis(field);
+  const Eigen::Vector2d first =
+      rendered.lenses[0].centre -
+      basis * Eigen::Vector2d(rendered.lenses[0].node.column, rendered.lenses[0].node.row);
+  std::vector<LatticeNode> nodes;
+  std::vector<Eigen::Vector2d> centres;
+  for (int row = -9; row <= 9; ++row) {
+    for (int column = -14; column <= 14; ++column) {
+      nodes.push_back({column, row});
+      centres.emplace_back(first + basis * Eigen::Vector2d(column, row));
+    }
+  }
+  MicroImages images(rendered.white, basis, 1);
+  for (int round = 0; round < 2; ++round) {
+    images.Place(nodes, centres, std::vector<LocalMap>(nodes.size(), LocalMap::Identity()));
+    images.Measure(std::vector<int>(nodes.size(), 0), 1);
+  }
+  int beside = 0, far = 0, with_size = 0;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    if (images.IsInside(i)) continue;
+    double gain = 0, scale = 0, count = 0, whole = 0;
+    Eigen::Vector2d gradient(0, 0);
+    for (size_t j = 0; j < nodes.size(); ++j) {
+      const double distance = (centres[j] - centres[i]).norm();
+      if (!images.IsInside(j) || distance > 1.1 * field.pitch) continue;
+      gain += images.Images()[j].gain;
+      gradient += images.Images()[j].gradient;
+      ++count;
+      if (!images.IsWhole(j)) continue;
+      scale += images.Images()[j].scale;
+      ++whole;
+    }
+    const MicroImage& image = images.Images()[i];
+    ++(count > 0 ? beside : far);
+    EXPECT_NEAR(image.gain, count > 0 ? gain / count : 0, 1e-6);
+    EXPECT_LT((image.gradient - gradient / std::max(count, 1.0)).norm(), 1e-6);
+    if (whole == 0) continue;
+    ++with_size;
+    EXPECT_NEAR(image.scale, scale / whole, 1e-9);
+  }
+  EXPECT_GT(beside, 20);
+  EXPECT_GT(far, 20);
+  EXPECT_GT(with_size, 10);
 }
 
 TEST(MicroImages, ShowTheirTypes) {

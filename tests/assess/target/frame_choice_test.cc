@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "assess/target/frame_choice.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <numeric>
+#include <string>
+#include <vector>
+
+namespace plenocal {
+namespace TEST_FILE {
+
+std::string Frame(int index) { return fmt::format("{:04}", index); }
+
+// Frames that the second camera has, too, are even.
+std::vector<CameraInput> Cameras(int frames) {
+  std::vector<CameraInput> cameras(2);
+  for (int f = 0; f < frames; ++f) {
+    cameras[0].views.push_back({.frame = Frame(f), .observations = {}});
+    if (f % 2 == 0) cameras[1].views.push_back({.frame = Frame(f), .observations = {}});
+  }
+  return cameras;
+}
+
+std::vector<std::string> FramesOf(const CameraInput& camera) {
+  std::vector<std::string> frames;
+  for (const View& view : camera.views) frames.push_back(view.frame);
+  return frames;
+}
+
+std::vector<std::string> Every(int step, int frames) {
+  std::vector<std::string> names;
+  for (int f = 0; f < frames; f += step) names.push_back(Frame(f));
+  return names;
+}
+
+TEST(ChooseFrames, AreAtMostSixtyEvenlySpaced) {
+  struct Case {
+    int frames, step;
+  };
+  for (const auto& [frames, step] :
+       {Case{0, 1}, {1, 1}, {60, 1}, {61, 2}, {120, 2}, {121, 3}, {180, 3}, {181, 4}}) {
+    const std::vector<CameraInput> few = ChooseFrames(Cameras(frames));
+    EXPECT_EQ(FramesOf(few[0]), Every(step, frames)) << frames;
+    EXPECT_EQ(FramesOf(few[1]), Every(std::lcm(step, 2), frames)) << frames;
+  }
+}
+
+// Each number of a frame, and of its views, is the frame's own.
+Calibration WithFrames(int frames) {
+  Calibration calibration;
+  Bundle& bundle = calibration.bundle;
+  bundle.cameras.resize(2);
+  bundle.markers.resize(3);
+  calibration.fits.resize(2);
+  calibration.converged = true;
+  calibration.rejection_threshold = 4.5;
+  bundle.jitter.translation_sigma = 0.001;
+  for (int f = 0; f < frames; ++f) {
+    calibration.frames.push_back(Frame(f));
+    bundle.T_rig_target.emplace_back().t.z() = f;
+    for (int c = 0; c < 2; ++c) {
+      bundle.jitter.delta.push_back(Vector6d::Constant(10 * f + c));
+      bundle.jitter.misplaced.push_back((f + c) % 3 == 0);
+      bundle.motion.push_back({.velocity = Vector6d::Constant(-10 * f - c)});
+      BundleObservation& seen = bundle.observations.emplace_back();
+      seen.camera = c;
+      seen.frame = f;
+      seen.marker = f % 3;
+      seen.used = f % 5 != 0;
+    }
+  }
+  return calibration;
+}
+
+TEST(ChooseFrames, OfACalibrationKeepWhatBelongsToThem) {
+  const Calibration few = ChooseFrames(WithFrames(150));
+  ASSERT_EQ(few.frames, Every(3, 150));
+  EXPECT_TRUE(few.converged);
+  EXPECT_EQ(few.rejection_threshold, 4.5);
+  EXPECT_EQ(few.fits.size(), 2);
+  const Bundle& bundle = few.bundle;
+  EXPECT_EQ(bundle.cameras.size(), 2);
+  EXPECT_EQ(bundle.markers.size(), 3);
+  EXPECT_EQ(bundle.jitter.translation_sigma, 0.001);
+  ASSERT_EQ(bundle.T_rig_target.size(), 50);
+  ASSERT_EQ(bundle.jitter.delta.size(), 100);
+  ASSERT_EQ(bundle.jitter.misplaced.size(), 100);
+  ASSERT_EQ(bundle.motion.size(), 100);
+  ASSERT_EQ(bundle.observations.size(), 100);
+  for (size_t f = 0; f < 50; ++f) {
+    const int before = 3 * static_cast<int>(f);
+    EXPECT_EQ(bundle.T_rig_target[f].t.z(), before);
+    for (size_t c = 0; c < 2; ++c) {
+      const int camera = static_cast<int>(c);
+      const size_t view = bundle.View(f, c);
+      EXPECT_EQ(bundle.jitter.delta[view][3], 10 * before + camera);
+      EXPECT_EQ(bundle.jitter.misplaced[view], (before + camera) % 3 == 0);
+      EXPECT_EQ(bundle.motion[view].velocity[2], -10 * before - camera);
+      const BundleObservation& seen = bundle.observations[view];
+      EXPECT_EQ(seen.camera, camera);
+      EXPECT_EQ(seen.frame, static_cast<int>(f));
+      EXPECT_EQ(seen.marker, before % 3);
+      EXPECT_EQ(seen.used, before % 5 != 0);
+    }
+  }
+}
+
+TEST(ChooseFrames, OfACalibrationOfSixtyAreAllAndOfOneWithoutJitterHaveNone) {
+  EXPECT_EQ(ChooseFrames(WithFrames(60)).frames.size(), 60);
+  Calibration plain = WithFrames(61);
+  plain.bundle.jitter = {};
+  plain.bundle.motion.clear();
+  const Calibration few = ChooseFrames(plain);
+  EXPECT_EQ(few.frames, Every(2, 61));
+  EXPECT_TRUE(few.bundle.jitter.delta.empty());
+  EXPECT_TRUE(few.bundle.jitter.misplaced.empty());
+  EXPECT_TRUE(few.bundle.motion.empty());
+}
+
+}  // namespace TEST_FILE
+}  // namespace plenocal
