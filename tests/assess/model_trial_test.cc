@@ -143,6 +143,7 @@ TEST(TryModels, LeaveNoParameterOpenForNothing) {
   EXPECT_LT(open.sigma, TrialOf(choice, "pinhole-radial3").sigma);
   EXPECT_TRUE(open.outweighed_by);
   EXPECT_GT(open.gain, 0);
+  EXPECT_LT(open.gain, kNoise) << "what the held-out frames gain by it, px";
 }
 
 TEST(TryModelsAndTarget, ChooseTheTargetBeforeTheLastTrialOfTheModels) {

@@ -324,7 +324,21 @@ TEST(Verdict, NamesAPartWhosePointsWereRejected) {
   };
   reject(false);
   const Verdict verdict = Judge(record);
-  EXPECT_THAT(CodesOf(verdict.findings), Contains("rejected_part"));
+  const auto finding = std::ranges::find(verdict.findings, "rejected_part", &Finding::code);
+  ASSERT_NE(finding, verdict.findings.end());
+  const auto rejected =
+      std::ranges::count_if(camera.residuals, [](const ResidualRow& row) { return !row.used; });
+  int count = 0, points = 0;
+  ASSERT_EQ(std::sscanf(finding->what.c_str(),
+                        (camera.name + ": %d of %d points were rejected around").c_str(),
+                        &count,
+                        &points),
+            2)
+      << finding->what;
+  EXPECT_LE(count, rejected);
+  EXPECT_GT(count, 0.3 * static_cast<double>(rejected));
+  EXPECT_GE(points, count) << "of the places that it names";
+  EXPECT_LT(points, 2 * count);
   reject(true);
   EXPECT_THAT(CodesOf(Judge(record).findings), Not(Contains("rejected_part")));
 }

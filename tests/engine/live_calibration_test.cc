@@ -72,6 +72,18 @@ TEST(LiveCalibration, IsTheCalibrationOfAllFrames) {
   }
 }
 
+// Of the frames before there is the noise that was found; what the detector states counts for none.
+TEST(LiveCalibration, WeighsAFrameLikeThoseBeforeUnderItsOwnName) {
+  const SyntheticOptions options{.frames = static_cast<int>(kAll), .noise = 0.1};
+  Recording stated(options), as_found(options);
+  std::vector<View> frame = stated.Frame(kFirst);
+  as_found.live.Add("new", frame);
+  for (Observation& seen : frame[0].observations) seen.detector_sigma *= 30;
+  stated.live.Add("new", frame);
+  EXPECT_EQ(stated.live.Record().cameras[0].params, as_found.live.Record().cameras[0].params);
+  EXPECT_EQ(stated.live.Record().frames.back().name, "new");
+}
+
 TEST(LiveCalibration, KeepsWhatItHasAfterAFrameThatItCannotUse) {
   Recording recording({.frames = static_cast<int>(kAll), .noise = 0.1});
   const double sigma = recording.live.Suggested().views.sigma;

@@ -128,6 +128,13 @@ TEST_F(Fleet, OverviewDrawsTheDriftOfEachDate) {
   };
   add("2026-02", "all,0.1,\nmiddle,9,0\nall,0.2,\n");  // of two cameras
   add("2026-03", "all,0.4,\nmiddle,0.5,1\n");
+  for (const auto& [date, grade] :
+       {std::pair("2026-01", "good"), {"2026-02", "usable"}, {"2026-03", "usable"}}) {
+    const std::string run = "R/able/" + std::string(date) + "/result";
+    YAML::Node result = Result(run);
+    result["verdict"]["grade"] = grade;
+    Write(run + "/calibration.yaml", YAML::Dump(result));
+  }
   ASSERT_EQ(Run({"fleet", "plan.yaml", "-o", "R", "--overview"}).status, kDone);
   const std::string html = Read("R/overview.html");
   EXPECT_THAT(html, HasSubstr("0.400 <svg width=\"42\" height=\"36\">"));
@@ -139,6 +146,7 @@ TEST_F(Fleet, OverviewDrawsTheDriftOfEachDate) {
                         "<title>2026-03: 0.400 px</title>"));
   EXPECT_THAT(html, HasSubstr("use the new calibration: it differs from the one before by 0.4 px"));
   EXPECT_THAT(html, HasSubstr("3 rigs, 5 calibrations"));
+  EXPECT_THAT(html, HasSubstr("1 good, 2 usable, 0 bad, 0 failed, 2 open"));
 }
 
 TEST_F(Fleet, AMistakeInThePlanIsNamed) {

@@ -296,6 +296,34 @@ TEST_F(ViewsCommandLine, NeedsACalibrationForDistances) {
   ExpectRefused(outcome, kWrongInput, {"--distance", "--calibration"});
 }
 
+// A point at 0.5 m is imaged at b_L = 1 / (1 / f_L - 1 / 0.5 m) behind the main lens, at v = (b_L -
+// b_L0) / B by the micro lenses; their centres are b_L0 / (b_L0 + B) of the micro images'.
+TEST_F(ViewsCommandLine, FocusesAtDistancesOfACalibratedCamera) {
+  constexpr double kF = 0.0161, kB0 = 0.0149, kB = 0.00052;
+  Write("calibration.yaml",
+        fmt::format("plenocal: 1\ncameras:\n  plenoptic:\n    model: focused-plenoptic\n"
+                    "    image_size: [400, 400]\n    pixel_size: 5.5e-6\n"
+                    "    T_camera_rig: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+                    "    parameters:\n"
+                    "      {{f_L: {}, b_L0: {}, B: {}, c_x: 199.5, c_y: 199.5, A_0: 0, A_1: 0, "
+                    "B_0: 0, B_1: 0}}\n",
+                    kF,
+                    kB0,
+                    kB));
+  const Outcome outcome = WithGrid(
+      "views",
+      "raw/a.png",
+      {"--views", "1", "--calibration", "calibration.yaml", "--depth", "4", "--distance", "0.5"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  const YAML::Node planes = YAML::Load(Read("out/views.yaml"))["refocused"];
+  ASSERT_EQ(planes.size(), 2u);
+  EXPECT_EQ(planes[0]["virtual_depth"].as<double>(), 4);
+  EXPECT_EQ(planes[1]["distance"].as<double>(), 0.5);
+  const double b_L = 1 / (1 / kF - 1 / 0.5), v = (b_L - kB0) / kB;
+  const double by_centres = 1 / (1 - (1 - 1 / v) * kB0 / (kB0 + kB));
+  EXPECT_NEAR(planes[1]["virtual_depth"].as<double>(), by_centres, 1e-4);
+}
+
 TEST_F(ViewsCommandLine, NeedsMicroImageCentres) {
   ExpectRefused(Run({"views", "raw/a.png", "-o", "out"}), kWrongInput, {"--white", "--grid"});
 }

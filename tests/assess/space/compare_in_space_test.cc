@@ -7,6 +7,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
+#include <string>
+
 #include "calib/base/error.h"
 #include "calib/space/space_rig.h"
 #include "models/registry.h"
@@ -99,6 +102,26 @@ TEST(CompareInSpace, AScaleOfSpaceIsADifferenceOfLengthsAMotionIsNone) {
   for (const SpaceDifference& each : CompareInSpace(a, moved, {}, {1}, 0.1).differences) {
     EXPECT_LT(each.rms, 1e-9) << each.quantity;
   }
+}
+
+// A wrong disparity moves points along z most: at 1 m before a base of 0.2 m five times as far as
+// aside.
+TEST(CompareInSpace, LateralDifferencesAreThoseOfXAndYAlone) {
+  CalibrationRecord a = UncertainPair();
+  for (CalibratedCamera& camera : a.cameras) {
+    camera.model = FindModel(CameraModels(), "pinhole-radial3");
+    camera.params.insert(camera.params.end(), {0, 0, 0});
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(7, 7);
+    covariance.topLeftCorner(4, 4) = camera.covariance;
+    camera.covariance = covariance;
+  }
+  CalibrationRecord bent = a;
+  bent.cameras[1].params[4] = 0.01;  // A_0
+  const SpaceComparison compared = CompareInSpace(a, bent, {}, {1}, 0.1);
+  std::map<std::string, double> rms;
+  for (const SpaceDifference& each : compared.differences) rms[each.quantity] = each.rms;
+  EXPECT_GT(rms.at("lateral"), 0);
+  EXPECT_LT(rms.at("lateral"), 0.6 * rms.at("z"));
 }
 
 TEST(CompareInSpace, RefusesCalibrationsWithoutCommonCameras) {

@@ -63,6 +63,13 @@ TEST(DepthSigma, IsThatOfTheDisparity) {
   EXPECT_LT(ByOne(rig, 1, focal), 160 / kF * by_px);
 }
 
+TEST(DepthSigma, IsThatOfThePoseWhereNoParameterIsEstimated) {
+  RigEstimate rig = ParallelRig({kBaseline});
+  for (BundleCamera& camera : rig.bundle.cameras) camera.fixed.assign(4, true);
+  const auto shift = [](const RigUnknowns& u) { return u.extrinsics[1]; };
+  EXPECT_NEAR(ByOne(rig, 0.001, shift), 1e3 * 0.001 * kDistance / kBaseline, 1e-6);
+}
+
 TEST(DepthSigma, HasTheFactorOfItsCamera) {
   RigEstimate rig = ParallelRig({kBaseline});
   const auto shift = [](const RigUnknowns& u) { return u.extrinsics[1]; };

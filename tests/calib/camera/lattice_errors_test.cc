@@ -81,6 +81,17 @@ TEST(LatticeErrors, AgreeWithMonteCarlo) {
   EXPECT_LT(mean, 1.09);
 }
 
+TEST(LatticeErrors, CountUncertainMeasurementsLess) {
+  const double mean = MeanSquare([](Random* random, std::vector<LatticeMeasurement>* measured) {
+    for (LatticeMeasurement& m : *measured) {
+      m.sigma = (m.node.column + m.node.row) % 2 == 0 ? 1 : 5;
+      m.position += random->Gaussians<2>(m.sigma * kNoise);
+    }
+  });
+  EXPECT_GT(mean, 0.91);
+  EXPECT_LT(mean, 1.09);
+}
+
 TEST(LatticeErrors, ContainErrorsThatNeighboursShare) {
   const double mean = MeanSquare([](Random* random, std::vector<LatticeMeasurement>* measured) {
     std::map<std::array<int, 2>, Eigen::Vector2d> shared;

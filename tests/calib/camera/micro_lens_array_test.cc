@@ -108,6 +108,18 @@ TEST_F(MicroLensFile, FindsTheLatticeOfAFileWithoutRowsAndColumns) {
   }
 }
 
+// Their rows would be 24 degrees from the columns.
+TEST_F(MicroLensFile, WhoseRowsAndColumnsAreNotTheLatticesIsRefused) {
+  MicroLensArray array = Example();
+  for (MicroLens& lens : array.lenses) {
+    lens.centre = Eigen::Vector2d(140, 90) + lens.column * Eigen::Vector2d(6, 0) +
+                  lens.row * Eigen::Vector2d(5.5, 2.4);
+  }
+  std::erase_if(array.lenses, [](const MicroLens& lens) { return !IsInside(lens.centre, kSize); });
+  Write(FormatMicroLenses(array));
+  EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
+}
+
 TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
   double last = 0;
   for (const MicroLens& lens : Example().lenses) last = std::max(last, lens.centre.x());

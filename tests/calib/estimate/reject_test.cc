@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 
 #include "calib/base/error.h"
 #include "tests/calib/synthetic.h"
@@ -70,6 +71,33 @@ TEST(RejectOutliers, RejectsTheGoodPointsOfAViewMostOfWhosePointsDisagree) {
   for (const BundleObservation& observation : bundle.observations) {
     EXPECT_EQ(observation.used, observation.frame != 1);
   }
+}
+
+// Landmarks of which two cameras at one place show no distance.
+TEST(RejectLandmarks, RejectsThoseWithoutParallaxAndThoseMostlyWrong) {
+  Bundle bundle = TrueBundle(MakeProblem(8, {.frames = 4, .noise = 0.1}));
+  constexpr int kFar = 5, kWrong = 7, kGood = 9;
+  bundle.T_rig_target[1] = bundle.T_rig_target[0];
+  std::map<int, BundleObservation> first;
+  for (BundleObservation& each : bundle.observations) {
+    if (each.frame == 0) first[each.marker] = each;
+    if (each.frame == 1) each.seen.values = first.at(each.marker).seen.values;
+  }
+  std::erase_if(bundle.observations, [](const BundleObservation& each) {
+    return each.marker == kFar && each.frame > 1;
+  });
+  for (BundleObservation& each : bundle.observations) {
+    if (each.marker == kWrong && each.frame > 1) each.seen.values[0] += 40;
+    if (each.marker == kGood && each.frame == 3) each.seen.values[0] += 40;
+  }
+  const Rejection rejection = RejectLandmarks(&bundle);
+  std::map<int, int> used;
+  for (const BundleObservation& each : bundle.observations) used[each.marker] += each.used ? 1 : 0;
+  EXPECT_EQ(used[kFar], 0);
+  EXPECT_EQ(used[kWrong], 0) << "two of four";
+  EXPECT_EQ(used[kGood], 3) << "one of four";
+  EXPECT_EQ(used[20], 4);
+  EXPECT_EQ(rejection.changed, 2 + 4 + 1);
 }
 
 TEST(DropWeakFrames, LeavesOutFramesWithFewerThanFourMarkers) {

@@ -161,6 +161,14 @@ TEST(Summary, HasNoiseFloorLensTypesAndTimes) {
                 "with third order 0.0900; with the rejected points 0.2500, noise floor "
                 "0.3000, with third order 0.1800\n"
                 "  RMS by lens type: 0.5000 px over 100, 0.2500 px over 7 points\n"));
+  EXPECT_THAT(Summary(rig), Not(HasSubstr("by the clock of")));
+  AddNuisance(nuisances::kTimeShift, 1, &rig.bundle.cameras[1]);
+  rig.bundle.cameras[1].at_bound.assign(8, false);
+  rig.bundle.cameras[1].params.back() = 0.0125;
+  rig.uncertainty.param_std_errors[1].push_back(0.0005);
+  EXPECT_THAT(Summary(rig),
+              HasSubstr("    images later than their times by 12.50 +- 0.50 ms, by the clock of "
+                        "left\n"));
 }
 
 }  // namespace TEST_FILE
