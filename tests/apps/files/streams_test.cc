@@ -5,6 +5,7 @@
 #include <zlib.h>
 
 #include <chrono>
+#include <csignal>
 
 #include "tests/apps/workspace.h"
 
@@ -67,23 +68,21 @@ TEST_F(Streams, ThatAreClosedAreNotResultFiles) {
 TEST_F(Streams, OfAnyCommandEndWithinASecondOfASignal) {
   Calibrate();
   WriteProblem(MakeProblem(3, {.frames = 400, .noise = 0.1}));
-  for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{"map",
-                                 "out/calibration.yaml",
-                                 "--size",
-                                 "16000x16000",
-                                 "--quiet",
-                                 "-o",
-                                 "slow/map.yml"},
-        {"try", "session.yaml", "--quiet", "-o", "slow"}}) {
+  const std::vector<std::string> map{
+      "map", "out/calibration.yaml", "--size", "16000x16000", "--quiet", "-o", "slow/map.yml"};
+  const std::vector<std::string> tries{"try", "session.yaml", "--quiet", "-o", "slow"};
+  for (const auto& [arguments, signal] : {std::pair(map, SIGINT), {tries, SIGTERM}}) {
     SCOPED_TRACE(arguments[0]);
     using Clock = std::chrono::steady_clock;
     const Clock::time_point start = Clock::now();
     Clock::time_point sent;
-    const Outcome outcome = Run(arguments, {.interrupt_when = [&] {
-                                  sent = Clock::now();
-                                  return sent - start > std::chrono::milliseconds(500);
-                                }});
+    const Outcome outcome = Run(arguments,
+                                {.interrupt_when =
+                                     [&] {
+                                       sent = Clock::now();
+                                       return sent - start > std::chrono::milliseconds(500);
+                                     },
+                                 .signal = signal});
     // With some room for a machine that has other work.
     EXPECT_LT(Clock::now() - sent, std::chrono::seconds(3));
     EXPECT_EQ(outcome.status, kInterrupted);

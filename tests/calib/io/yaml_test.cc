@@ -194,6 +194,23 @@ TEST(Yaml, KeepsTheOrderOfTheFile) {
   EXPECT_EQ(entries[2].second.AsInteger(), 3);
 }
 
+TEST(Yaml, RefusesAValueOfAnotherKind) {
+  const YamlNode node = YamlNode::Parse("number: 1\nlist: [1, 2]\nmap: {a: 1}", "t.yaml");
+  const auto refused = [](const auto& read) { return MessageOf([&] { (void)read(); }); };
+  for (const char* key : {"number", "list"}) {
+    EXPECT_THAT(refused([&] { return node.At(key).Entries(); }),
+                HasSubstr(std::string(key) + ": expected a map"));
+  }
+  for (const char* key : {"number", "map"}) {
+    EXPECT_THAT(refused([&] { return node.At(key).Elements(); }),
+                HasSubstr(std::string(key) + ": expected a list"));
+  }
+  for (const char* key : {"list", "map"}) {
+    EXPECT_THAT(refused([&] { return node.At(key).AsString(); }),
+                HasSubstr(std::string(key) + ": expected a name or text"));
+  }
+}
+
 TEST(Yaml, RefusesEqualKeysAndNamesBothLines) {
   EXPECT_THAT(ParseError("a: 1\nb: 2\na: 3"),
               StartsWith("t.yaml:3:1: a: this key stands in line 1 already; remove one"));

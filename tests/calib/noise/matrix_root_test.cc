@@ -29,6 +29,7 @@ TEST(MatrixRoot, TimesItselfIsTheMatrix) {
     EXPECT_LT(WithUnitDiagonal(N * N.transpose() - V, V).norm(), 1e-12) << rank;
   }
   EXPECT_TRUE(Root(Eigen::MatrixXd::Zero(2, 2)).isZero(0));
+  EXPECT_DOUBLE_EQ(Root(Eigen::MatrixXd::Constant(1, 1, 4)).norm(), 2);
   EXPECT_EQ(Root(Eigen::MatrixXd(0, 0)).size(), 0);
 }
 
@@ -39,6 +40,7 @@ TEST(MatrixRoot, InverseHasAColumnForEachDirectionWithVariance) {
     EXPECT_LT((N.transpose() * V * N - Eigen::MatrixXd::Identity(rank, rank)).norm(), 1e-9) << rank;
   }
   EXPECT_EQ(InverseRoot(Eigen::MatrixXd::Zero(2, 2)).cols(), 0);
+  EXPECT_DOUBLE_EQ(InverseRoot(Eigen::MatrixXd::Constant(1, 1, 4)).norm(), 0.5);
   EXPECT_EQ(InverseRoot(Eigen::MatrixXd(0, 0)).size(), 0);
 }
 

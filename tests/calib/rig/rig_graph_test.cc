@@ -64,6 +64,8 @@ TEST(RigGraph, JoinsByCommonTargetsAndCamerasAcrossAChain) {
                                    world.See(2, 1, 1),
                                    world.See(2, 2, 1)};
   const RigGraph graph = LinkRig(seen, 3, std::vector<GraphTarget>(2), {});
+  ASSERT_EQ(graph.camera_group.size(), 3U);
+  ASSERT_EQ(graph.target_group.size(), 2U);
   ExpectCameras(graph, world, {1, 2});
   EXPECT_EQ(graph.target_group[1], 0U);
   EXPECT_LT((graph.T_group_target[1].t - world.T_first_target[1].t).norm(), kRounding);

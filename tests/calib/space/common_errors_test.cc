@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <vector>
 
+#include "calib/base/linear_algebra.h"
 #include "calib/space/congruent_points.h"
 #include "calib/space/measures.h"
 #include "tests/calib/space/uncertain_rig.h"
@@ -105,6 +106,31 @@ TEST(CommonErrors, PointsAdjustTheCalibrationAsFarAsTheyDetermineIt) {
   ExpectOne(theta / kDraws, kDraws, static_cast<int>(rig.root.cols()), "theta");
   ExpectOne(at_points / kDraws, kDraws, 3 * kPoints, "points");
   EXPECT_GT(gain, 1.05);
+}
+
+// Linear predictions are exact where they were made: at the end the points ask for no more change.
+TEST(CommonErrors, AdjustmentGoesOnUntilItIsItsOwnSolution) {
+  const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 30}), {});
+  Random random(6);
+  Eigen::VectorXd drawn(rig.root.cols());
+  for (double& each : drawn) each = random.Gaussian(1);
+  const std::vector<BundleCamera> truth = Moved(rig, rig.root * drawn);
+  std::vector<std::vector<SpaceObservation>> seen;
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector3d X(
+        random.Uniform(-0.3, 0.3), random.Uniform(-0.2, 0.2), random.Uniform(0.8, 2));
+    seen.push_back(Seen(truth, X, 1, 0, &random));
+  }
+  const AdjustedRig adjusted = AdjustedTo(rig, seen, 1);
+  const Eigen::VectorXd u = LeastSquares(rig.root, Eigen::VectorXd(adjusted.change));
+  EXPECT_GT(u.norm(), 1);
+  SpaceRig moved = adjusted.rig;
+  moved.root = rig.root;
+  std::vector<SpacePoint> points;
+  for (const std::vector<SpaceObservation>& of_point : seen) {
+    points.push_back(FitPoint(moved, of_point));
+  }
+  EXPECT_LT((CommonErrors(points).Estimate(u) - u).norm(), 1e-3);
 }
 
 TEST(CongruentPoints, HaveTheStandardErrorsOfAllFramesTogether) {

@@ -8,6 +8,8 @@
 #include <functional>
 #include <vector>
 
+#include "tests/calib/random.h"
+
 namespace plenocal {
 namespace TEST_FILE {
 
@@ -117,6 +119,38 @@ TEST(Measures, APlaneHasTheProbabilityOfItsResiduals) {
       EXPECT_NEAR(plane.rms, d * std::sqrt(0.8), 1e-6 * d);
       EXPECT_LT((plane.normal + R.col(2)).norm(), 1e-6) << "towards the origin";
       EXPECT_NEAR(plane.offset, -2, 1e-6);
+    }
+  }
+}
+
+TEST(Measures, APlaneIsNearestToThePointsThatAreCertain) {
+  testing::Random random(5);
+  std::vector<SpacePoint> points(8);
+  std::vector<const SpacePoint*> pointers;
+  std::vector<double> variances;
+  for (SpacePoint& point : points) {
+    const double sigma = kSigma * (pointers.size() % 3 == 0 ? 10 : 1);
+    variances.push_back(sigma * sigma);
+    point.position =
+        Vector3d(random.Uniform(-1, 1), random.Uniform(-1, 1), 3) + random.Gaussians<3>(sigma);
+    point.noise = variances.back() * Eigen::Matrix3d::Identity();
+    point.shared = Vector3d::Zero();
+    pointers.push_back(&point);
+  }
+  const MeasuredPlane plane = PlaneOf(pointers);
+  const auto chi_square = [&](const Vector3d& normal, double offset) {
+    double sum = 0;
+    for (size_t i = 0; i < points.size(); ++i) {
+      sum += std::pow(normal.dot(points[i].position) - offset, 2) / variances[i];
+    }
+    return sum;
+  };
+  EXPECT_NEAR(chi_square(plane.normal, plane.offset), plane.chi_square, 1e-9 * plane.chi_square);
+  for (int i = 0; i < 4; ++i) {
+    for (const double step : {-0.1 * kSigma, 0.1 * kSigma}) {
+      const Vector3d turned =
+          (plane.normal + (i < 3 ? step : 0) * Vector3d::Unit(i % 3)).normalized();
+      EXPECT_GE(chi_square(turned, plane.offset + (i == 3 ? step : 0)), plane.chi_square) << i;
     }
   }
 }

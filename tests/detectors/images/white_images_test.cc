@@ -234,6 +234,16 @@ TEST(GreenDifference, ShowsAColourOrderThatIsShiftedByAPixel) {
   EXPECT_GT(GreenDifference(white, BayerOrder::kGbrg), 0);
 }
 
+TEST(LargeScaleMean, IsAtLeastAThousandthOfTheMean) {
+  for (const double light : {1000.0, 0.1}) {
+    cv::Mat image(480, 640, CV_32F, cv::Scalar(0));
+    image(cv::Rect(0, 0, 64, 48)).setTo(light);
+    double least = 0;
+    cv::minMaxLoc(LargeScaleMean(image), &least);
+    EXPECT_NEAR(least / (1e-3 * 0.01 * light), 1, 1e-4) << "a hundredth of the image is lit";
+  }
+}
+
 TEST(LargeScaleMean, IsAlikeAlongRowsAndColumns) {
   cv::Mat image(300, 200, CV_32F), turned, mean;
   cv::randu(image, 50, 150);

@@ -42,6 +42,37 @@ TEST(CoverWindows, OfNothingAreNoBlocks) {
   EXPECT_TRUE(blocks.empty());
 }
 
+// Of initial depths remain those at pixels that have texture.
+TEST(Select, HasTheTexturedPixelsHoweverTheyAreGiven) {
+  const WaveScene scene{
+      .v = -3.5, .noise = 0.2, .array = PlenopticScene{.width = 120, .height = 120}.Array()};
+  const MicroLensIndex index(scene.array);
+  const LensPatches patches = scene.Patches();
+  const SensorNoise noise{0.6f, 0};
+  const DepthMatcher matcher(patches, index, noise);
+  size_t given = 0, textured = 0;
+  for (size_t lens = 0; lens < scene.array.lenses.size(); ++lens) {
+    MatchScratch by_texture, by_starts;
+    matcher.Select(lens, &by_texture);
+    const PatchBox box = patches.Inside(lens, 0);
+    std::vector<DepthStart> starts;
+    for (int y = box.top; y < box.bottom; ++y) {
+      for (int x = box.left; x < box.right; ++x) {
+        starts.push_back({.at = y * patches.size + x, .z = static_cast<float>(x)});
+      }
+    }
+    matcher.Select(lens, starts, &by_starts);
+    EXPECT_EQ(by_starts.pixels.at, by_texture.pixels.at) << lens;
+    for (size_t i = 0; i < by_starts.pixels.at.size(); ++i) {
+      EXPECT_EQ(by_starts.pixels.z[i], by_starts.pixels.at[i] % patches.size);
+    }
+    given += starts.size();
+    textured += by_starts.pixels.at.size();
+  }
+  EXPECT_GT(textured, 0U);
+  EXPECT_LT(textured, given);
+}
+
 // The pixels of a plane, by the search alone: between the steps by the parabola through three of
 // them.
 TEST(Search, FindsAPlaneToASmallPartOfItsStep) {
