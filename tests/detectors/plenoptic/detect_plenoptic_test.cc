@@ -4,7 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
 
 #include "calib/io/detection_cache.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
@@ -63,6 +67,60 @@ TEST_F(DetectPlenoptic, ReusesNothingOfOtherImagesOrWhiteImages) {
   const ImageDetections darker = Detect();
   EXPECT_EQ(darker.reused, 0U);
   EXPECT_NE(darker.vignetting, first.vignetting);
+}
+
+// A chessboard of 4 x 3 inner corners in the virtual image, white where `covered` is set in its
+// first squares.
+class DetectChessboard : public DetectPlenoptic {
+ protected:
+  static constexpr double kDepth = 3.5, kSquare = 36;
+
+  DetectChessboard() { target_.layout = ChessboardLayout{{}, 4, 3, 0.03}; }
+
+  [[nodiscard]] double Board(const Eigen::Vector2d& q, bool covered) const {
+    const Eigen::Vector2d s = (q - Eigen::Vector2d(40, 28)) / kSquare;
+    if (s.minCoeff() < 0 || s.x() >= 5 || s.y() >= 4) return 1;
+    if (covered && s.maxCoeff() < 1.5) return 1;
+    return (static_cast<int>(s.x()) + static_cast<int>(s.y())) % 2 == 0 ? 0.2 : 1;
+  }
+  FrameImage Save(const std::string& name, bool covered) const {
+    constexpr int kSamples = 4;
+    cv::Mat raw(field_.white.size(), CV_16U, cv::Scalar(0));
+    for (int y = 0; y < raw.rows; ++y) {
+      for (int x = 0; x < raw.cols; ++x) {
+        const Eigen::Vector2d pixel(x, y);
+        const TrueLens& lens = *std::ranges::min_element(
+            field_.lenses, {}, [&](const TrueLens& each) { return (each.centre - pixel).norm(); });
+        double sum = 0;
+        for (int k = 0; k < kSamples * kSamples; ++k) {
+          const Eigen::Vector2d sub((k % kSamples + 0.5) / kSamples - 0.5,
+                                    (std::floor(k / kSamples) + 0.5) / kSamples - 0.5);
+          sum += Board(lens.centre + kDepth * (pixel + sub - lens.centre), covered);
+        }
+        raw.at<std::uint16_t>(y, x) = cv::saturate_cast<std::uint16_t>(
+            10 * field_.white.at<float>(y, x) * sum / (kSamples * kSamples));
+      }
+    }
+    cv::imwrite(Path(name + ".png"), raw);
+    return {name, Path(name + ".png")};
+  }
+};
+
+TEST_F(DetectChessboard, KeepsThePictureWithMostMarkers) {
+  const FrameImage all = Save("all", false), part = Save("part", true);
+  DetectionCache cache(folder_ / "cache", "test", false);
+  for (const bool cached : {false, true}) {
+    if (cached) options_.cache = &cache;
+    for (const std::vector<FrameImage>& images :
+         {std::vector{all, part}, {part, all}, {part, all}}) {
+      const ImageDetections found = DetectPlenopticImages(images, target_, options_);
+      ASSERT_EQ(found.views.size(), 2U) << ::testing::PrintToString(found.left_out.size());
+      EXPECT_EQ(found.sample.frame, "all");
+      EXPECT_FALSE(found.sample.picture.empty());
+      EXPECT_FALSE(found.sample.depth.empty());
+      EXPECT_GT(found.views[images[0].frame == "all" ? 0 : 1].observations.size(), 40U);
+    }
+  }
 }
 
 }  // namespace TEST_FILE

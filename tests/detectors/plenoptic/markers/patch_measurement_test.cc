@@ -98,6 +98,20 @@ TEST_F(PatchMeasurement, HasItsDepthFromThePositions) {
   }
 }
 
+// Of residuals by chance small the sensor's noise is known: here 25 and 25 + 0.1 times the light.
+TEST_F(PatchMeasurement, HasAtLeastTheSigmaOfTheSensorsNoise) {
+  view_.noise = {25, 0};
+  const RawMeasurements by_read = Measure(Points());
+  view_.noise = {25, 0.1F};
+  const RawMeasurements by_both = Measure(Points());
+  ASSERT_GT(by_read.size(), 40U);
+  ASSERT_EQ(by_both.size(), by_read.size());
+  for (size_t i = 0; i < by_read.size(); ++i) {
+    const double sigma = by_read[i].observation.detector_sigma;
+    EXPECT_NEAR(by_both[i].observation.detector_sigma / sigma, std::sqrt(40 / 25.0), 0.03);
+  }
+}
+
 TEST_F(PatchMeasurement, LeavesOutAMicroImageThatDisagrees) {
   const std::vector<ScenePatch> points{At(3, kMiddle)};
   const RawMeasurements before = Measure(points);
