@@ -238,6 +238,9 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "UnmapOfRadius", "radius: theta\nunmap: [x, y, 1]\n", {"unmap", "belongs to 'map'"}},
         Mistake{"TakenName", "params: {theta: {}}\nradius: r*theta\n", {"has a meaning already"}},
+        Mistake{"NoUnit",
+                "params: {k_1: {unit: ''}}\nradius: theta*(1 + k_1*theta^2)\n",
+                {"unit", "expected a unit; 1 if there is none"}},
         Mistake{"UnknownKey", "radius: theta\nparam: {}\n", {"param", "did you mean 'params'"}},
         Mistake{"Bounds",
                 "params: {k_1: {bounds: [0, 1], start: 2}}\nradius: theta*k_1\n",

@@ -160,6 +160,37 @@ TEST(TargetDrawing, ListsTagsAndSquares) {
   }
 }
 
+// Kalibr's squares reach to the nearest other tag, without one 0.3 of the tag's side.
+TEST(TargetDrawing, FillsTheGapsBetweenTagsWithSquares) {
+  constexpr double kSide = 0.1;
+  const auto black_to = [&](const std::vector<double>& places) {
+    Target target;
+    TagLayout layout{
+        .family = "tag36h11", .border_bits = 2, .black_corner_squares = true, .ids = {}};
+    for (size_t i = 0; i < places.size(); ++i) {
+      const int id = static_cast<int>(i);
+      layout.ids.push_back(id);
+      const Eigen::Vector3d corner(places[i], 0, 0);
+      target.markers[4 * id] = corner;
+      target.markers[4 * id + 1] = corner + Eigen::Vector3d(kSide, 0, 0);
+      target.markers[4 * id + 2] = corner + Eigen::Vector3d(kSide, kSide, 0);
+      target.markers[4 * id + 3] = corner + Eigen::Vector3d(0, kSide, 0);
+    }
+    target.layout = layout;
+    const std::vector<TargetPart> parts = DrawTarget(target);
+    // Beyond the lower left corner of the first tag.
+    double last = 0;
+    for (double away = 0.0005; away < kSide; away += 0.001) {
+      const Placed at = Find(parts, {places[0] - away, -away, 0});
+      if (at.part != nullptr && IsBlack(*at.part, at.at)) last = away;
+    }
+    return last;
+  };
+  EXPECT_NEAR(black_to({0}), 0.3 * kSide, 0.001);
+  EXPECT_NEAR(black_to({0, 0.12}), 0.02, 0.001);
+  EXPECT_NEAR(black_to({0, 0.25, 0.14}), 0.04, 0.001);
+}
+
 TEST(TargetDrawing, PutsTagsOfEachPlaneOnAPart) {
   // Two in the plane z = 0, one across.
   const Target target = Read(

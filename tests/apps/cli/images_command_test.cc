@@ -266,6 +266,7 @@ class Init : public OneCommand {};
 TEST_F(Init, LeavesTheSameChoiceAsImagesWithoutASession) {
   SaveViews("set/{:02}.png");
   ASSERT_EQ(Run({"init", "set", "-o", "session.yaml"}).status, kDone);
+  EXPECT_THAT(Read("session.yaml"), Not(HasSubstr("on one rig")));
   Write("target.yaml",
         std::regex_replace(Read("target.yaml"), std::regex("square:.*"), "square: 30 mm"));
   const Outcome session = Run({"calibrate", "session.yaml", "-o", "a", "--no-report"});
@@ -289,6 +290,7 @@ TEST_F(Init, FindsPairsAndTarget) {
                     HasSubstr("8 frames that all cameras have"),
                     HasSubstr("chessboard with 8 x 5 inner corners in all 16 images"),
                     HasSubstr("state square")));
+  EXPECT_THAT(Read("session.yaml"), HasSubstr("cameras:  # on one rig; the first is its master"));
   // What is to be stated is asked for; then the session runs.
   const Outcome early = Run({"calibrate", "session.yaml", "-o", "out"});
   EXPECT_EQ(early.status, kWrongInput);

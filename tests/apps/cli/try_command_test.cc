@@ -249,6 +249,24 @@ TEST_F(TryCommand, OutliersCountForNoModel) {
   EXPECT_LT(Number("pinhole-radial3", "held_out_rms"), 0.2);
 }
 
+TEST_F(TryCommand, NamesSettingsThatHoldForOneModelAlone) {
+  WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 8, .noise = 0.1}));
+  const std::vector<std::string> arguments{
+      "try", "session.yaml", "--models", "pinhole,pinhole-radial3", "--folds", "2", "-o", "out"};
+  constexpr const char* kMessage =
+      "cam0: what the session states about parameters holds for pinhole-radial3 alone";
+  EXPECT_THAT(Run(arguments).err, ::testing::Not(HasSubstr(kMessage)));
+  const std::string session = Read("session.yaml"), model = "model: pinhole-radial3\n";
+  const size_t at = session.find(model);
+  ASSERT_NE(at, std::string::npos);
+  Write("session.yaml",
+        session.substr(0, at + model.size()) + "    initial: {f_x: 1000}\n" +
+            session.substr(at + model.size()));
+  const Outcome outcome = Run(arguments);
+  EXPECT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr(kMessage));
+}
+
 TEST_F(TryCommand, RefusesWhatItCannotTry) {
   WriteProblem(MakeProblem(5, {.cameras = 1, .frames = 3, .noise = 0.1}));
   const auto fails = [&](std::vector<std::string> more, int status, const std::string& part) {

@@ -152,6 +152,15 @@ class ColmapModel : public Workspace {
     }
     EXPECT_EQ(compared, places.size());
     EXPECT_GT(compared, 3U);
+    // As many in the files of nerfstudio, one a camera.
+    const Outcome nerf =
+        Run({"export", "out/calibration.yaml", "--format", "nerfstudio", "-o", "nerf"});
+    ASSERT_EQ(nerf.status, kDone) << nerf.err;
+    size_t frames = 0;
+    for (const auto& [name, text] : Files("nerf")) {
+      if (name.ends_with(".json")) frames += YAML::Load(text)["frames"].size();
+    }
+    EXPECT_EQ(frames, compared);
   }
 
   std::vector<Image> images_;

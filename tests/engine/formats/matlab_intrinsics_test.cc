@@ -30,10 +30,12 @@ Arguments ArgumentsOf(const CalibratedCamera& camera) {
 }
 
 CalibratedCamera Read(const Arguments& arguments, bool is_fisheye) {
+  // All arguments have one size but for two or three radial coefficients.
   const auto read = [&](const std::string& name, size_t least, size_t most) {
+    const bool is_radial = name == "RadialDistortion";
     const std::vector<double>& values = arguments.at(name);
-    EXPECT_LE(least, values.size()) << name;
-    EXPECT_GE(most, values.size()) << name;
+    EXPECT_EQ(least, is_radial ? 2 : values.size()) << name;
+    EXPECT_EQ(most, is_radial ? 3 : values.size()) << name;
     return values;
   };
   return FromMatlab(read, is_fisheye, "camera.mat");
