@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -113,6 +114,26 @@ TEST_F(Patches, OfOneColourOfAMosaicAreInterpolatedLinearly) {
         patches, l, [&](int x, int y, float value) { EXPECT_NEAR(value, Scene(x, y), 1e-2); });
   }
   EXPECT_GT(known, 50000);
+}
+
+// Colours that are even each give one value wherever a micro image begins.
+TEST_F(Patches, OfAMosaicHaveTheWeightedMeanOfItsFourPixels) {
+  const std::array<float, 4> value{10, 200, 70, 90};
+  const MosaicWeights weights{0.1F, 0.2F, 0.3F, 0.4F};
+  for (int y = 0; y < raw_.rows; ++y) {
+    for (int x = 0; x < raw_.cols; ++x) {
+      raw_.at<float>(y, x) = value[static_cast<size_t>(2 * (y % 2) + x % 2)];
+    }
+  }
+  const cv::Mat even(raw_.size(), CV_32F, cv::Scalar(1));
+  const LensPatches patches = CutPatches(raw_, even, array_, weights, 2);
+  int known = 0;
+  for (size_t l = 0; l < array_.lenses.size(); ++l) {
+    known += ForEachKnown(patches, l, [&](int, int, float mean) {
+      EXPECT_NEAR(mean, 0.1 * 10 + 0.2 * 200 + 0.3 * 70 + 0.4 * 90, 1e-3);
+    });
+  }
+  EXPECT_GT(known, 1000);
 }
 
 TEST_F(Patches, WeighTheirPixelsToOne) {
