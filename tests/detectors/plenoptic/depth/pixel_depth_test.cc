@@ -98,6 +98,26 @@ TEST(SurveyDepth, FindsTheDefocusOfALensType) {
   EXPECT_NEAR(defocus[2].At(z) - defocus[0].At(z), 0, 0.02);
 }
 
+// Of a lens type that is in focus at one depth and not at the other.
+TEST(SurveyDepth, FindsDefocusThatChangesWithDepth) {
+  constexpr double kBlur = 0.8;
+  WaveScene scene{.v = 2.6, .right_v = 5};
+  scene.blur = {0, kBlur, 0};
+  scene.right_blur = {0, 0, kBlur};
+  const Matched matched(scene);
+  const auto& defocus = matched.survey.defocus;
+  ASSERT_EQ(defocus.size(), 3u);
+  const auto beyond_first = [&](size_t type, double v) {
+    const auto z = static_cast<float>(1 / v);
+    return defocus[type].At(z) - defocus[0].At(z);
+  };
+  constexpr double kHalf = kBlur * kBlur / 2;
+  EXPECT_NEAR(beyond_first(1, scene.v), kHalf, 0.15 * kHalf);
+  EXPECT_NEAR(beyond_first(1, *scene.right_v), 0, 0.15 * kHalf);
+  EXPECT_NEAR(beyond_first(2, scene.v), 0, 0.15 * kHalf);
+  EXPECT_NEAR(beyond_first(2, *scene.right_v), kHalf, 0.15 * kHalf);
+}
+
 TEST(SurveyDepth, IsTheSameToTheLastBitForAnyNumberOfThreads) {
   const WaveScene scene;
   const MicroLensIndex index(scene.array);

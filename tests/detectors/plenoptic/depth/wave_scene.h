@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <numbers>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <random>
 
 #include "calib/camera/micro_lens_array.h"
@@ -23,23 +24,28 @@ namespace plenocal::internal {
 struct WaveScene {
   double v = 3.5;                ///< virtual depth
   std::array<double, 3> blur{};  ///< sigma by lens type, px of a micro image
-  double amplitude = 12;         ///< of each wave, grey values
-  double noise = 0.5;            ///< sigma, grey values
+  /// The same of micro images in the right half.
+  std::optional<double> right_v = {};
+  std::array<double, 3> right_blur{};
+  double amplitude = 12;  ///< of each wave, grey values
+  double noise = 0.5;     ///< sigma, grey values
   MicroLensArray array = PlenopticScene{}.Array();
 
   /// Grey value at the pixel x of the micro image of a lens.
   [[nodiscard]] double Value(const Eigen::Vector2d& x, const MicroLens& lens) const {
     constexpr int kWaves = 9;
     constexpr double kShortest = 8, kStep = 0.9;  // wavelengths, px of a micro image
-    const Eigen::Vector2d q = lens.centre + v * (x - lens.centre);
-    const double sigma = blur[static_cast<std::size_t>(lens.type)];
+    const bool right = right_v && 2 * lens.centre.x() > array.image_size[0];
+    const double depth = right ? *right_v : v;
+    const Eigen::Vector2d q = lens.centre + depth * (x - lens.centre);
+    const double sigma = (right ? right_blur : blur)[static_cast<std::size_t>(lens.type)];
     double value = 150;
     for (int i = 0; i < kWaves; ++i) {
       const double angle = 0.2 + 2.4 * i,
                    wave_number = 2 * std::numbers::pi / (kShortest + kStep * i);
       const Eigen::Vector2d direction(std::cos(angle), std::sin(angle));
       const double kept = std::exp(-0.5 * wave_number * wave_number * sigma * sigma);
-      value += amplitude * kept * std::sin(wave_number / v * direction.dot(q) + 1.3 * i);
+      value += amplitude * kept * std::sin(wave_number / depth * direction.dot(q) + 1.3 * i);
     }
     return value;
   }
