@@ -38,6 +38,31 @@ TEST(CompareCameras, NoTranslationMakesUpForAFocalLengthFarAway) {
   EXPECT_GT(shift, 0.7 * (kFactor - 1));
 }
 
+// By differences: the motion that makes up for a change of a parameter, at distances in metres.
+TEST(CompareCameras, MotionHasItsDerivativesByTheParametersOfBoth) {
+  CalibratedCamera a{.name = "camera",
+                     .model = FindModel(CameraModels(), "pinhole-radial3"),
+                     .image_size = {640, 480},
+                     .config = {},
+                     .params = {500, 500, 319.5, 239.5, -0.2, 0.05, 0},
+                     .covariance = Eigen::MatrixXd::Identity(7, 7),
+                     .T_camera_rig = {}};
+  const std::vector<double> distances{4, 9};
+  const CameraDifference difference = CompareCameras(a, a, distances);
+  constexpr double kStep = 1e-4;
+  for (size_t k = 0; k < 4; ++k) {
+    CalibratedCamera changed = a;
+    changed.params[k] += kStep;
+    const auto column = static_cast<Eigen::Index>(k);
+    const Vector6d by_b = LocalCoordinates({}, CompareCameras(a, changed, distances).T_b_a) / kStep;
+    const Vector6d by_a = LocalCoordinates({}, CompareCameras(changed, a, distances).T_b_a) / kStep;
+    const double size = by_b.norm();
+    EXPECT_GT(size, 1e-4) << k;
+    EXPECT_LT((difference.T_b_a_by_b.col(column) - by_b).norm(), 0.01 * size) << k;
+    EXPECT_LT((difference.T_b_a_by_a.col(column) - by_a).norm(), 0.01 * size) << k;
+  }
+}
+
 TEST(CompareCameras, WhatIsUnknownInTheCornersDoesNotHideWhatIsKnownInTheMiddle) {
   CalibratedCamera a{.name = "camera",
                      .model = FindModel(CameraModels(), "pinhole-radial3"),

@@ -68,6 +68,9 @@ TEST_F(CompareTruths, OfTwoPairsAgreeWithinTheirStandardErrors) {
   EXPECT_EQ(same.status, 0) << same.err;
   EXPECT_THAT(same.out, ::testing::HasSubstr("by the path of 'upper'"));
   EXPECT_THAT(same.out, ::testing::HasSubstr("\nsame within uncertainty\n"));
+  const size_t whole = same.out.find("  the whole loop:\n");
+  ASSERT_NE(whole, std::string::npos);
+  EXPECT_NE(same.out.find("scale", whole), std::string::npos);
   for (const auto& [number, value] : Numbers()) {
     EXPECT_GT(value.second, 0) << number;
     EXPECT_LT(std::abs(value.first), 4 * value.second) << number;

@@ -84,6 +84,26 @@ TEST(EstimationFindings, OfTimeShiftsStateTheirSide) {
 
 // A prior of sigma 5 whose value images change by 4 sigmas of what they may: 4 of 5 with a standard
 // error of 3.
+TEST(EstimationFindings, OfScalesStateWhatThePriorAllows) {
+  Bundle bundle = Stereo();
+  bundle.scales = {{.sigma = 0.003, .value = -0.02}};
+  Uncertainty uncertainty;
+  uncertainty.scale_index = 0;
+  uncertainty.covariance = Eigen::MatrixXd::Constant(1, 1, 1e-6);
+  const std::vector<Finding> found = FindingsOfTargetScale(bundle, uncertainty);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].code, "target_scale_contradicted");
+  // An estimate differs from a correct prior by the root of the prior's variance less its own.
+  EXPECT_NEAR(*found[0].value, 0.02 / std::sqrt(8e-6), 1e-9);
+  EXPECT_THAT(
+      found[0].what,
+      ::testing::HasSubstr(" is -2 +- 0.1 %, 7.1 sigmas of what scale_sigma, 0.3 %, allows."));
+  bundle.scales[0].value = 0.011;  // 3.9 sigmas
+  EXPECT_THAT(FindingsOfTargetScale(bundle, uncertainty), IsEmpty());
+  bundle.scales[0].value = 0.012;  // 4.2 sigmas
+  EXPECT_EQ(FindingsOfTargetScale(bundle, uncertainty).size(), 1U);
+}
+
 TEST(EstimationFindings, OfRulesAreBoundsAndContradictedPriors) {
   Bundle bundle = Stereo();
   BundleCamera& camera = bundle.cameras[0];
