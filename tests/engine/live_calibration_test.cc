@@ -72,7 +72,7 @@ TEST(LiveCalibration, IsTheCalibrationOfAllFrames) {
   }
 }
 
-// Of the frames before there is the noise that was found; what the detector states counts for none.
+// By the noise that was found in those before, not by what the detector states.
 TEST(LiveCalibration, WeighsAFrameLikeThoseBeforeUnderItsOwnName) {
   const SyntheticOptions options{.frames = static_cast<int>(kAll), .noise = 0.1};
   Recording stated(options), as_found(options);

@@ -160,7 +160,7 @@ TEST(TargetDrawing, ListsTagsAndSquares) {
   }
 }
 
-// Kalibr's squares reach to the nearest other tag, without one 0.3 of the tag's side.
+// Their side is the gap to the nearest tag, or 0.3 of the tag's side where there is no other.
 TEST(TargetDrawing, FillsTheGapsBetweenTagsWithSquares) {
   constexpr double kSide = 0.1;
   const auto black_to = [&](const std::vector<double>& places) {

@@ -297,7 +297,8 @@ TEST_F(ViewsCommandLine, NeedsACalibrationForDistances) {
 }
 
 // A point at 0.5 m is imaged at b_L = 1 / (1 / f_L - 1 / 0.5 m) behind the main lens, at v = (b_L -
-// b_L0) / B by the micro lenses; their centres are b_L0 / (b_L0 + B) of the micro images'.
+// b_L0) / B by the micro lenses, whose centres are b_L0 / (b_L0 + B) times as far from the axis as
+// their micro images'.
 TEST_F(ViewsCommandLine, FocusesAtDistancesOfACalibratedCamera) {
   constexpr double kF = 0.0161, kB0 = 0.0149, kB = 0.00052;
   Write("calibration.yaml",

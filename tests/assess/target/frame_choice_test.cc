@@ -13,7 +13,7 @@ namespace TEST_FILE {
 
 std::string Frame(int index) { return fmt::format("{:04}", index); }
 
-// Frames that the second camera has, too, are even.
+// The second camera has the frames of even number.
 std::vector<CameraInput> Cameras(int frames) {
   std::vector<CameraInput> cameras(2);
   for (int f = 0; f < frames; ++f) {
@@ -47,7 +47,7 @@ TEST(ChooseFrames, AreAtMostSixtyEvenlySpaced) {
   }
 }
 
-// Each number of a frame, and of its views, is the frame's own.
+// Every number is computed from the frame and the camera to which it belongs.
 Calibration WithFrames(int frames) {
   Calibration calibration;
   Bundle& bundle = calibration.bundle;

@@ -73,7 +73,7 @@ TEST(RejectOutliers, RejectsTheGoodPointsOfAViewMostOfWhosePointsDisagree) {
   }
 }
 
-// Landmarks of which two cameras at one place show no distance.
+// One is seen from one place alone, so that its distance is not known.
 TEST(RejectLandmarks, RejectsThoseWithoutParallaxAndThoseMostlyWrong) {
   Bundle bundle = TrueBundle(MakeProblem(8, {.frames = 4, .noise = 0.1}));
   constexpr int kFar = 5, kWrong = 7, kGood = 9;

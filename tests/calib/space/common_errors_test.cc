@@ -108,7 +108,7 @@ TEST(CommonErrors, PointsAdjustTheCalibrationAsFarAsTheyDetermineIt) {
   EXPECT_GT(gain, 1.05);
 }
 
-// Linear predictions are exact where they were made: at the end the points ask for no more change.
+// After the last step another one would change nothing.
 TEST(CommonErrors, AdjustmentGoesOnUntilItIsItsOwnSolution) {
   const SpaceRig rig = MakeSpaceRig(UncertainRig({.calibration = 30}), {});
   Random random(6);

@@ -121,7 +121,7 @@ TEST_F(CameraGuessTest, ViewsOfFewerThanFourKnownMarkersHaveNoPose) {
             "cam0: no image shows 4 or more markers of the target; nothing to start from");
 }
 
-// Those that are held differ in what they explain.
+// The focal lengths are held, so that the starts differ in the residuals that they leave.
 TEST_F(CameraGuessTest, IsTheStartThatExplainsTheViewsBest) {
   camera_.fixed[kFx] = camera_.fixed[kFy] = true;
   const double f_x = problem_.params[0][kFx], f_y = problem_.params[0][kFy];

@@ -77,7 +77,6 @@ TEST(FindBlobGrid, ToleratesAFewMissingCircles) {
   EXPECT_EQ(grid->rows, 7);
 }
 
-// A row of the grid is nearest where it is seen at a slant; every angle in the image will do.
 TEST(FindBlobGrid, IsFoundAtEveryAngle) {
   for (int k = -4; k < 4; ++k) {
     const Drawing drawing{.columns = 6, .rows = 4, .angle = 0.12 * k};

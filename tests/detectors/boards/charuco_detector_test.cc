@@ -215,8 +215,8 @@ TEST(CharucoDetector, LeavesOutCoveredCorners) {
   EXPECT_THAT(found.left_out, ::testing::ElementsAre(::testing::StartsWith("corner 8: ")));
 }
 
-// Two markers of one corner of the board are printed at the opposite one: they agree with each
-// other alone.
+// Two markers of one corner of the board are printed at the opposite one, where they agree with
+// each other alone.
 TEST(CharucoDetector, LeavesOutMarkersThatMostOfTheirNeighboursContradict) {
   const GrayFunction board = Board(7, 5, false);
   const GrayFunction swapped = [&](const Eigen::Vector2d& p) {

@@ -91,7 +91,7 @@ TEST_F(MatFile, HoldsWholeNumbersInFewBytes) {
   EXPECT_EQ(cameras[0].image_size, (ImageSize{640, 480}));
 }
 
-// What is no matrix is passed over; the skew may lack.
+// Elements that are no matrices are skipped; the skew may be missing.
 TEST_F(MatFile, MayHoldOtherThings) {
   const std::vector<CalibratedCamera> cameras =
       Read(Header() + Element(kInt32, Bytes(7)) + kCamera + Matrix("Skew", kDouble, {5}) +

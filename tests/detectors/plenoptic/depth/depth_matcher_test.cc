@@ -42,7 +42,7 @@ TEST(CoverWindows, OfNothingAreNoBlocks) {
   EXPECT_TRUE(blocks.empty());
 }
 
-// Of initial depths remain those at pixels that have texture.
+// Initial depths at pixels without texture are dropped.
 TEST(Select, HasTheTexturedPixelsHoweverTheyAreGiven) {
   const WaveScene scene{
       .v = -3.5, .noise = 0.2, .array = PlenopticScene{.width = 120, .height = 120}.Array()};

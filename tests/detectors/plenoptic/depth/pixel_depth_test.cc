@@ -98,7 +98,7 @@ TEST(SurveyDepth, FindsTheDefocusOfALensType) {
   EXPECT_NEAR(defocus[2].At(z) - defocus[0].At(z), 0, 0.02);
 }
 
-// Of a lens type that is in focus at one depth and not at the other.
+// A lens type is in focus at one depth and not at the other.
 TEST(SurveyDepth, FindsDefocusThatChangesWithDepth) {
   constexpr double kBlur = 0.8;
   WaveScene scene{.v = 2.6, .right_v = 5};

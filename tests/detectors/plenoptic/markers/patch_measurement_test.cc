@@ -98,7 +98,7 @@ TEST_F(PatchMeasurement, HasItsDepthFromThePositions) {
   }
 }
 
-// Of residuals by chance small the sensor's noise is known: here 25 and 25 + 0.1 times the light.
+// The variance of the sensor's noise is 25, then 25 + 0.1 times the light.
 TEST_F(PatchMeasurement, HasAtLeastTheSigmaOfTheSensorsNoise) {
   view_.noise = {25, 0};
   const RawMeasurements by_read = Measure(Points());

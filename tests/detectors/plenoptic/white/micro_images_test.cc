@@ -104,7 +104,7 @@ TEST(MicroImages, OfDeadMicroLensesAreNotUsable) {
   }
 }
 
-// Their light falls on the sensor, too; of their own there is no measurement.
+// They send light onto the sensor but are not measured.
 TEST(MicroImages, BesideTheSensorHaveTheMeansOfTheirNeighboursOnIt) {
   const WhiteField field{.size = {200, 160}, .types = 1, .tilt = 0.004, .gain_scatter = 0.05};
   const RenderedField rendered = Render(field);
