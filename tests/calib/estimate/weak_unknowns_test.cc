@@ -107,6 +107,16 @@ TEST_F(WeakDirections, HaveARemedyByTheirKind) {
   EXPECT_NE(of_params, of_extrinsics);
 }
 
+TEST_F(WeakDirections, OfTwoCamerasHaveTheirCommonRemedyOnce) {
+  Bundle two = TrueBundle(MakeProblem(1, {.cameras = 2, .frames = 2}));
+  two.cameras[0].name = "cam";
+  two.cameras[1].name = "right";
+  const std::string of_one = RemedyOf(bundle_, uncertainty_, {"cam.f_x"});
+  EXPECT_NE(of_one, "");
+  uncertainty_.param_std_errors.push_back(uncertainty_.param_std_errors[0]);
+  EXPECT_EQ(RemedyOf(two, uncertainty_, {"cam.f_x", "right.f_x"}), of_one);
+}
+
 TEST(Listed, ShortensLongLists) {
   EXPECT_EQ(Listed({"a", "b", "c"}), "a, b, c");
   std::vector<std::string> many(20, "x");
