@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "assess/causes/diagnose.h"
 #include "assess/pose_spread.h"

@@ -7,13 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "models/registry.h"
+#include "tests/engine/formats/camera_of_model.h"
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
+using testing::CameraOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -33,15 +34,6 @@ const LensTable& Table() {
   return kTable;
 }
 
-CalibratedCamera Camera(const std::string& model, const std::vector<double>& params) {
-  CalibratedCamera camera;
-  camera.name = "left";
-  camera.model = FindModel(CameraModels(), model);
-  camera.params = params;
-  camera.image_size = {640, 480};
-  return camera;
-}
-
 std::string Refused(const CalibratedCamera& camera) {
   return RefusalOf([&] { (void)ToLens(camera, Table()); }, ErrorKind::kJob);
 }
@@ -54,7 +46,7 @@ TEST(WordsOf, AreBetweenBlanks) {
 
 TEST(LensForm, HasTheToolsOrderAndPixels) {
   const CalibratedCamera camera =
-      Camera("pinhole-radtan4", {500, 501, 320, 240, -0.25, 0.125, 0.001, -0.002});
+      CameraOf("pinhole-radtan4", {500, 501, 320, 240, -0.25, 0.125, 0.001, -0.002});
   const Lens lens = ToLens(camera, Table());
   EXPECT_EQ(lens.name, "bent");
   EXPECT_THAT(lens.Numbers(), ElementsAre(500, 501, 320.5, 240.5, 0.001, 0, 0.125, -0.002, -0.25));
@@ -103,15 +95,15 @@ TEST(LensForm, OfALensIsTheFirstWithAllThatIsNotZero) {
 
 TEST(LensForm, OfACameraThatDoesNotFitHasTheNearest) {
   const std::vector<double> radtan{500, 500, 320, 240, -0.1, 0.01, 0, 0, 0};
-  EXPECT_THAT(Refused(Camera("pinhole-radtan", radtan)),
+  EXPECT_THAT(Refused(CameraOf("pinhole-radtan", radtan)),
               StartsWith("camera 'left': tool cannot hold model pinhole-radtan; of the models that "
                          "it takes pinhole-radtan4 differs least, "));
-  EXPECT_THAT(Refused(Camera("pinhole-radtan", radtan)),
+  EXPECT_THAT(Refused(CameraOf("pinhole-radtan", radtan)),
               HasSubstr(" px: plenocal convert CALIBRATION --to pinhole-radtan4"));
   LensTable plain = Table();
   plain.forms = {{"pinhole-radtan4", "bent", "k_1 k_2"}};
   const auto refused = [&](const std::vector<double>& params) {
-    return RefusalOf([&] { (void)ToLens(Camera("pinhole-radtan4", params), plain); },
+    return RefusalOf([&] { (void)ToLens(CameraOf("pinhole-radtan4", params), plain); },
                      ErrorKind::kJob);
   };
   EXPECT_THAT(refused({500, 500, 320, 240, -0.1, 0, 0, 0.001}),
@@ -122,7 +114,7 @@ TEST(LensForm, OfACameraThatDoesNotFitHasTheNearest) {
   // Of no single centre.
   std::vector<double> pupil = radtan;
   pupil.insert(pupil.end(), {0.01, 0, 0});
-  EXPECT_THAT(Refused(Camera("pinhole-radtan+pupil", pupil)),
+  EXPECT_THAT(Refused(CameraOf("pinhole-radtan+pupil", pupil)),
               HasSubstr("; it has no single centre: 'plenocal convert --to MODEL --distance"));
 }
 
@@ -147,7 +139,7 @@ TEST_F(LensEntries, AreReadByTheirKeys) {
 }
 
 TEST(RequireOneFocalLength, StatesByHowMuchTheirMeanWouldMovePoints) {
-  const CalibratedCamera camera = Camera("pinhole", {500, 505, 320, 240});
+  const CalibratedCamera camera = CameraOf("pinhole", {500, 505, 320, 240});
   RequireOneFocalLength(camera, {"bent", 500, 500, 320, 240, {}}, "tool");
   EXPECT_EQ(RefusalOf(
                 [&] {

@@ -9,11 +9,13 @@
 #include <vector>
 
 #include "models/registry.h"
+#include "tests/engine/formats/camera_of_model.h"
 #include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
 
+using testing::CameraOf;
 using ::testing::ElementsAre;
 using testing::RefusalOf;
 using ::testing::StartsWith;
@@ -41,18 +43,9 @@ CalibratedCamera Read(const Arguments& arguments, bool is_fisheye) {
   return FromMatlab(read, is_fisheye, "camera.mat");
 }
 
-CalibratedCamera Camera(const std::string& model, const std::vector<double>& params) {
-  CalibratedCamera camera;
-  camera.name = "left";
-  camera.model = FindModel(CameraModels(), model);
-  camera.params = params;
-  camera.image_size = {640, 480};
-  return camera;
-}
-
 // cameraIntrinsics has rows before columns, pixels that begin at 1, and the skew in px.
 TEST(MatlabIntrinsics, AreThoseOfItsManual) {
-  const CalibratedCamera camera = Camera(
+  const CalibratedCamera camera = CameraOf(
       "pinhole-radtan+skew", {500, 510, 320, 240, -0.25, 0.125, 0.001, -0.002, 0.0625, 0.004});
   const Arguments arguments = ArgumentsOf(camera);
   EXPECT_THAT(arguments.at("FocalLength"), ElementsAre(500, 510));
@@ -90,7 +83,7 @@ TEST(MatlabIntrinsics, AreOfTheModelWithTheirCoefficients) {
 
 TEST(MatlabIntrinsics, OfAFisheyeAreReadBack) {
   const CameraModel* const model = FindModel(CameraModels(), "scaramuzza");
-  CalibratedCamera camera = Camera("scaramuzza", {model->example.begin(), model->example.end()});
+  CalibratedCamera camera = CameraOf("scaramuzza", {model->example.begin(), model->example.end()});
   camera.image_size = model->example_size;
   const Arguments arguments = ArgumentsOf(camera);
   EXPECT_EQ(arguments.at("MappingCoefficients").size(), 4);
@@ -106,7 +99,7 @@ TEST(MatlabIntrinsics, OfAFisheyeAreReadBack) {
 
 TEST(MatlabIntrinsics, OfAnImageHaveAWholeNumberOfPixels) {
   for (const double rows : {0.0, -480.0, 480.5, 1e6}) {
-    Arguments arguments = ArgumentsOf(Camera("pinhole", {500, 500, 320, 240}));
+    Arguments arguments = ArgumentsOf(CameraOf("pinhole", {500, 500, 320, 240}));
     arguments["ImageSize"] = {rows, 640};
     EXPECT_THAT(RefusalOf([&] { (void)Read(arguments, false); }),
                 StartsWith("camera.mat: ImageSize: expected a number of pixels, found "))
