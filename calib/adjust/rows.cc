@@ -234,12 +234,8 @@ bool MarkerRows::Linearise(const LinearisedView& view,
   if (out.J_params != nullptr) {
     std::copy_n(J_params_.data() + width * place, width, out.J_params);
   }
-  SetRows(camera_,
-          view,
-          SeenPoint(view, p_target),
-          observation,
-          {predicted, J_point_.data() + 3 * rows * place},
-          out);
+  const double* const J_point = J_point_.empty() ? nullptr : J_point_.data() + 3 * rows * place;
+  SetRows(camera_, view, SeenPoint(view, p_target), observation, {predicted, J_point}, out);
   return true;
 }
 

@@ -22,8 +22,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLongest = 10, kLongestCommand = 20;  // s, for one input
-constexpr long kMostMemory = 1L << 20;                 // kB
+// For one input, s; sanitizers take several times as long.
+constexpr double kLongest = PLENOCAL_SLOWER * 10, kLongestCommand = PLENOCAL_SLOWER * 20;
+constexpr long kMostMemory = 1L << 20;  // kB
 
 std::vector<std::string> InputsOf(const Reader& reader) {
   std::vector<fs::path> paths;

@@ -55,7 +55,8 @@ cv::Mat Expose(const cv::Mat& light, const SensorSpec& sensor, Random* random) {
       const double noise = std::sqrt(electrons + sensor.read_noise * sensor.read_noise);
       // Counted electrons have the third moment that Gaussian noise lacks (Cornish and Fisher
       // 1938).
-      const double z = random->Gaussian(1), skewness = electrons / (noise * noise * noise);
+      const double skewness = noise > 0 ? electrons / (noise * noise * noise) : 0;
+      const double z = random->Gaussian(1);
       const double counted = electrons + noise * (z + skewness / 6 * (z * z - 1));
       const double gray = gray_of(counted / sensor.full_well);
       if (sensor.bits == 8) {

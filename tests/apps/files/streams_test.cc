@@ -34,12 +34,12 @@ TEST_F(Streams, OfResultsThatAreFullEndAnyCommandInAMessage) {
       {"--help"},
       {"--version"},
       {"report", "out"},
-      {"workbench", "--no-open"},
       {"calibrate", "session.yaml", "-o", "again"},
       {"suggest", "out", "--json"},
       {"export", "out/calibration.yaml", "--format", "ros", "-o", "ros.yaml"},
       {"compare", "out/calibration.yaml", "out/calibration.yaml"}};
   for (const std::string& line : Lines(Run({"--help"}).out)) {
+    if (line.starts_with("  workbench ")) all.push_back({"workbench", "--no-open"});
     // Two blanks, a command and what it is for.
     if (line.size() < 3 || !line.starts_with("  ") || std::islower(line[2]) == 0) continue;
     const std::string command = line.substr(2, line.find(' ', 2) - 2);
