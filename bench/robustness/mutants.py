@@ -10,7 +10,8 @@
 A room is a folder of the source tree, or several folders and files, joined by commas. A seeded sample of the places in its
 functions that can be changed is compiled, all behind switches, into the tests of a copy of the tree, in the folder --work. Each test runs once without a mutant, which
 tells the places that it reaches. Then each mutant is switched on, and the tests that reach it run, quickest first, until one
-fails or takes ten times its time and 10 s more. A mutant that passes them is a survivor: no test notices the change.
+fails or takes ten times its time and 10 s more. A mutant that passes them is a survivor: no test notices the change. The library's
+assertions are on, as in the preset asan, so that an index past the end fails.
 Needs GCC and libclang (Debian: python3-clang-14 with /usr/bin/python3); tests of optional data sets and of browsers do not run.
 """
 import collections
@@ -275,7 +276,7 @@ def main():
         print(f"{time.monotonic() - start:.0f} s: {stage}", file=sys.stderr, flush=True)
 
     copy_tree(options.work)
-    common.run("cmake", "--preset", "dev", "-DPLENOCAL_PYTHON=OFF", cwd=options.work)
+    common.run("cmake", "--preset", "dev", "-DPLENOCAL_PYTHON=OFF", "-DCMAKE_CXX_FLAGS=-D_GLIBCXX_ASSERTIONS", cwd=options.work)
     end("copied and configured")
     commands = json.loads((build / "compile_commands.json").read_text())
     entries = [(pathlib.Path(each["file"]), each["command"]) for each in commands]
