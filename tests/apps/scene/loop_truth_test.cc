@@ -19,6 +19,7 @@
 #include "calib/base/error.h"
 #include "models/registry.h"
 #include "tests/calib/random.h"
+#include "tests/digest.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -286,6 +287,27 @@ TEST(LoopTruth, NamesWhatMovedMostAgainstThePrior) {
   EXPECT_NEAR(truth.prior_change, change * change, 1e-9);
   EXPECT_LT(change, -4);
   EXPECT_THAT(FindingsOf(truth, false), ::testing::Contains(HasSubstr("the calibration is stale")));
+}
+
+TEST(LoopTruth, OfHardLoopsIsTheSameAsBefore) {
+  const std::vector<std::pair<LoopOptions, double>> loops{
+      {{.points = 40}, -605.3519},
+      {{.renumbered = 100, .wrong_matches = 30, .blind = {3}}, -1559.2497},
+      {{.points = 60, .renumbered = 60, .wrong_matches = 20, .blind = {1, kFrames + 2}},
+       -705.2843}};
+  for (const auto& [options, expected] : loops) {
+    const LoopTruthResult truth = Estimate(MakeLoop(options));
+    Digest digest;
+    for (const RigidTransform& T : truth.bundle.T_rig_target) digest.Add(T);
+    for (const Matrix6d& covariance : truth.covariance.poses) {
+      digest.AddAll(1e4 * Eigen::VectorXd(covariance.diagonal().cwiseSqrt()));
+    }
+    for (const size_t count : {truth.points, truth.common, truth.observations}) {
+      digest.Add(static_cast<double>(count));
+    }
+    digest.AddAll(truth.rms);
+    EXPECT_NEAR(digest.Sum(), expected, 1e-3);
+  }
 }
 
 // The files.

@@ -3,12 +3,12 @@
 // Specifications of small simulations, as a program makes them.
 #pragma once
 
-#include <cmath>
 #include <string>
 #include <vector>
 
 #include "apps/simulate/spec/simulation_spec.h"
 #include "models/registry.h"
+#include "tests/digest.h"
 
 namespace plenocal::simulate {
 
@@ -34,23 +34,6 @@ inline SimulationSpec SmallScene() {
   return spec;
 }
 
-/// A number that changes with any of the values and with their order.
-class Digest {
- public:
-  void Add(double value) { sum_ += value * std::cos(0.7 * ++count_); }
-  template <typename Values>
-  void AddAll(const Values& values) {
-    for (const double value : values) Add(value);
-  }
-  void Add(const RigidTransform& T) {
-    AddAll(T.t);
-    AddAll(T.R.reshaped());
-  }
-  [[nodiscard]] double Sum() const { return sum_; }
-
- private:
-  double sum_ = 0;
-  int count_ = 0;
-};
+using testing::Digest;
 
 }  // namespace plenocal::simulate

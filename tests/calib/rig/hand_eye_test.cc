@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/calib/random.h"
+#include "tests/digest.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -74,6 +75,26 @@ TEST(HandEye, NamesTheAxisAlongWhichOneRotationLeavesItOpen) {
 TEST(HandEye, NeedsThreeInstants) {
   const std::vector<HandEyePair> pairs = Instants({0.5, 0.5, 0.5}, 0);
   EXPECT_FALSE(SolveHandEye(std::span(pairs).first(2)));
+}
+
+TEST(HandEye, OfFewNoisyInstantsIsTheSameAsBefore) {
+  testing::Digest digest;
+  for (const Eigen::Vector3d& rotation :
+       {Eigen::Vector3d(0.4, 0.3, 0.5), {0, 0.6, 0.01}, {0.02, 0.02, 0.02}}) {
+    std::vector<HandEyePair> pairs = Instants(rotation, 2e-3);
+    pairs.resize(9);
+    pairs[4].A = Pose(0, 0, 2, 1, 1, 1);
+    const auto found = SolveHandEye(pairs);
+    ASSERT_TRUE(found);
+    digest.Add(found->X);
+    digest.Add(found->Y);
+    digest.AddAll(std::vector{100 * found->rotation_rms,
+                              100 * found->translation_rms,
+                              100 * found->error,
+                              1.0 * static_cast<int>(found->gap)});
+    digest.AddAll(found->axis);
+  }
+  EXPECT_NEAR(digest.Sum(), 42.8947, 1e-4);
 }
 
 }  // namespace TEST_FILE

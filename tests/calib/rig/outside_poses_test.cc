@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tests/calib/random.h"
+#include "tests/digest.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -200,6 +201,41 @@ TEST(OutsidePoses, InMillimetresMoveAThousandTimesAsFar) {
   EXPECT_NEAR(RatioOfLengths(poses), 1, 0.5);
   for (OutsidePose& pose : poses) pose.T_base_gripper.t *= 1000;
   EXPECT_GT(RatioOfLengths(poses), 500);
+}
+
+// With errors of the calibration, of the scale and of three poses.
+TEST(OutsidePoses, FitIsTheSameAsBefore) {
+  Robot robot;
+  robot.target_scale = 1.004;
+  std::vector<OutsidePose> poses = robot.Poses(5, 2);
+  testing::Random random(6);
+  AddCalibrationErrors(&random, &poses);
+  for (OutsidePose& pose : poses) {
+    for (double& velocity : pose.velocity) velocity = random.Gaussian(0.2);
+    pose.velocity_covariance.setConstant(1e-4);
+  }
+  for (const size_t wrong : {4, 11, 23}) poses[wrong].T_base_gripper.t.x() += 0.02;
+  testing::Digest digest;
+  for (const OutsideScale scale : {OutsideScale::kFixed, OutsideScale::kFree}) {
+    const auto fit = FitOutsidePoses(
+        poses, {.scale = scale, .instants_per_error = 1.5, .time_shift = FreeTimeShift{0.02, 0.1}});
+    ASSERT_TRUE(fit);
+    digest.Add(fit->T_mount_rig);
+    digest.Add(fit->T_other_target);
+    for (const auto& values :
+         {Eigen::VectorXd(1e3 * fit->rig_sigma),
+          Eigen::VectorXd(1e3 * fit->target_sigma),
+          Eigen::VectorXd(Eigen::Vector4d(fit->scale,
+                                          1e3 * fit->scale_sigma,
+                                          1e3 * fit->translation_sigma,
+                                          1e3 * fit->rotation_sigma)),
+          Eigen::VectorXd(Eigen::Vector2d(1e3 * fit->time_shift, 1e3 * fit->time_shift_sigma)),
+          fit->calibration_errors}) {
+      digest.AddAll(values);
+    }
+    for (const bool used : fit->used) digest.Add(used ? 1 : 0);
+  }
+  EXPECT_NEAR(digest.Sum(), 4.3214, 1e-4);
 }
 
 }  // namespace TEST_FILE

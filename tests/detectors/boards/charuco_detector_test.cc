@@ -92,6 +92,37 @@ TEST(CharucoDetector, MeasuresCornersAndStatesItsErrorHonestly) {
   }
 }
 
+TEST(CharucoDetector, ResultsOnHardImagesAreTheSameAsBefore) {
+  constexpr int kColumns = 7, kRows = 5;
+  const auto view = [&](const Eigen::Matrix3d& H, RenderOptions options) {
+    options.supersampling = 4;
+    return Render(View(Board(kColumns, kRows, false), H), {420, 360}, options);
+  };
+  cv::Mat partly_hidden = view(TiltedView(44, 0.2, 90, 30), {.blur = 1, .noise = 6});
+  partly_hidden(cv::Rect(150, 90, 60, 50)) = 120;
+  Eigen::Matrix3d steep = TiltedView(44, 0.1, 60, 200);
+  steep.row(1) *= 0.5;
+  ExpectDigests(*MakeMarkerDetector(Charuco(kColumns, kRows)),
+                {view(TiltedView(24, 0.3, 130, 60), {.blur = 0.7, .noise = 3}),
+                 view(TiltedView(19, -0.2, 100, 100), {.blur = 0.5, .noise = 2}),
+                 view(TiltedView(44, 0.2, 90, 30), {.blur = 2, .noise = 3}),
+                 view(TiltedView(44, 0.2, 90, 30), {.blur = 0.8, .noise = 40}),
+                 view(TiltedView(44, 0.2, -70, -60), {.blur = 0.8, .noise = 3}),
+                 view(steep, {.blur = 0.8, .noise = 3}),
+                 partly_hidden,
+                 UnevenlyLit(view(TiltedView(44, 0.1, 70, 50), {.blur = 0.6, .noise = 3}), 0.3),
+                 0.15 * view(TiltedView(44, 0.1, 70, 50), {.blur = 0.9, .noise = 2}) + 60},
+                {-2103.3244,
+                 -1978.0893,
+                 -1632.8558,
+                 -2245.7004,
+                 -495.3154,
+                 -2451.1653,
+                 -2129.1078,
+                 -2570.1586,
+                 -2572.9215});
+}
+
 TEST(CharucoDetector, BoardsWithTheSameMarkersAreToldApart) {
   const GrayFunction left = Board(7, 5, false), right = Board(5, 7, false);
   const GrayFunction both = [&](const Eigen::Vector2d& p) {

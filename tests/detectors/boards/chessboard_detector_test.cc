@@ -224,6 +224,55 @@ TEST(ChessboardDetector, FindsABoardSomeOfWhoseCornersAreHidden) {
   EXPECT_LT(statistics.Rms(), 0.02);
 }
 
+TEST(ChessboardDetector, ResultsOnHardImagesAreTheSameAsBefore) {
+  constexpr int kColumns = 9, kRows = 6;
+  const GrayFunction board = View(Board(kColumns, kRows), TiltedView(30, 0.1, 90, 60));
+  const GrayFunction bent = [&](const Eigen::Vector2d& pixel) {
+    const Eigen::Vector2d q = pixel - Eigen::Vector2d(250, 200);
+    return board(pixel + 1.5e-6 * q.squaredNorm() * q);
+  };
+  const auto view = [&](const Eigen::Matrix3d& H, RenderOptions options) {
+    options.supersampling = 4;
+    return Render(View(Board(kColumns, kRows), H), {500, 400}, options);
+  };
+  cv::Mat partly_hidden = view(TiltedView(30, 0.1, 90, 60), {.blur = 1, .noise = 6});
+  partly_hidden(cv::Rect(80, 50, 40, 30)) = 120;
+  partly_hidden(cv::Rect(200, 120, 22, 19)) = 70;
+  const GrayFunction beside_another = [&](const Eigen::Vector2d& p) {
+    return p.x() < 9.5 ? Board(9, 6)(p) : Board(7, 5)(p - Eigen::Vector2d(11, 0.5));
+  };
+  ExpectDigests(
+      *MakeMarkerDetector(Chessboard(kColumns, kRows)),
+      {view(SteepView(kColumns, kRows, 1.35, 0.4), {.blur = 0.8, .noise = 3}),
+       view(SteepView(kColumns, kRows, 1.4, 0), {.blur = 0.7, .noise = 2}),
+       view(TiltedView(6, 0.3, 100, 100), {.blur = 0.8, .noise = 3}),
+       view(TiltedView(5.3, -0.2, 100, 100), {.blur = 0.6, .noise = 2}),
+       view(TiltedView(24, 0.3, 150, 80), {.blur = 6, .noise = 3}),
+       view(TiltedView(24, 0.3, 150, 80), {.blur = 8, .noise = 2}),
+       view(TiltedView(24, 0.3, 150, 80), {.blur = 0.8, .noise = 35}),
+       view(TiltedView(24, 0.3, 150, 80), {.blur = 0.8, .noise = 46}),
+       partly_hidden,
+       UnevenlyLit(Render(bent, {500, 400}, {.blur = 0.6, .noise = 3}), 0.2),
+       0.1 * view(TiltedView(26, -0.2, 90, 140), {.blur = 0.9, .noise = 2}) + 60,
+       Render(View(beside_another, TiltedView(22, 0.1, 60, 50)), {500, 260}, {.blur = 0.7}),
+       Render(View(Board(kColumns, kRows), TiltedView(110, 0.05, 240, 150)),
+              {1500, 1000},
+              {.blur = 2, .noise = 5, .supersampling = 2})},
+      {-11539.6765,
+       -11999.6888,
+       -6417.0204,
+       -4508.1117,
+       -9427.0355,
+       -8905.9714,
+       -9475.2551,
+       -9343.9424,
+       -8441.6186,
+       -8850.7716,
+       -10456.7076,
+       -6516.0836,
+       -28298.5624});
+}
+
 TEST(ChessboardDetector, TakesNoLongOverImagesWithoutABoard) {
   const auto detector = MakeMarkerDetector(Chessboard(9, 6));
   cv::RNG random(7);

@@ -129,6 +129,54 @@ TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
   EXPECT_LT(statistics.Rms(), 0.01);
 }
 
+TEST(CirclesDetector, ResultsOnHardImagesAreTheSameAsBefore) {
+  constexpr int kColumns = 8, kRows = 6;
+  const auto view = [&](const Eigen::Matrix3d& H, RenderOptions options) {
+    options.supersampling = 4;
+    return Render(View(Board(kColumns, kRows, false), H), {400, 320}, options);
+  };
+  const GrayFunction board = View(Board(kColumns, kRows, false), TiltedView(40, 0.06, 60, 50));
+  const GrayFunction bent = [&](const Eigen::Vector2d& pixel) {
+    const Eigen::Vector2d q = pixel - Eigen::Vector2d(200, 160);
+    return board(pixel + 2e-6 * q.squaredNorm() * q);
+  };
+  cv::Mat partly_hidden = view(TiltedView(34, 0.1, 90, 40), {.blur = 1, .noise = 6});
+  partly_hidden(cv::Rect(190, 100, 9, 12)) = 120;
+  Eigen::Matrix3d steep = TiltedView(34, 0.1, 60, 100);
+  steep.row(1) *= 0.35;
+  ExpectDigests(*MakeMarkerDetector(Circles(kColumns, kRows, false)),
+                {view(TiltedView(7, 0.3, 100, 100), {.blur = 0.7, .noise = 3}),
+                 view(TiltedView(5, -0.2, 100, 100), {.blur = 0.5, .noise = 2}),
+                 view(TiltedView(30, 0.2, 110, 60), {.blur = 5, .noise = 3}),
+                 view(TiltedView(30, 0.2, 110, 60), {.blur = 6.5, .noise = 2}),
+                 view(TiltedView(30, 0.2, 110, 60), {.blur = 0.8, .noise = 40}),
+                 view(steep, {.blur = 0.8, .noise = 3}),
+                 partly_hidden,
+                 UnevenlyLit(Render(bent, {400, 320}, {.blur = 0.6, .noise = 3}), 0.3),
+                 0.15 * view(TiltedView(30, -0.2, 60, 70), {.blur = 0.9, .noise = 2}) + 60,
+                 Render(View(Board(kColumns, kRows, false), TiltedView(90, 0.05, 140, 100)),
+                        {1000, 800},
+                        {.blur = 2, .noise = 5, .supersampling = 2})},
+                {-5382.9232,
+                 -4837.3196,
+                 -7225.5552,
+                 -7072.4793,
+                 -7009.0123,
+                 -3893.5316,
+                 -6755.2774,
+                 -7569.5020,
+                 -6105.5331,
+                 -16983.8890});
+  ExpectDigests(*MakeMarkerDetector(Circles(4, 9, true)),
+                {Render(View(Board(4, 9, true, true), TiltedView(22, 0.4, 120, 40)),
+                        {340, 340},
+                        {.blur = 1.5, .noise = 8}),
+                 Render(View(Board(4, 9, true), TiltedView(8, 1.9, 120, 60)),
+                        {200, 200},
+                        {.blur = 0.7, .noise = 3})},
+                {-4141.2219, -1941.1712});
+}
+
 TEST(CirclesDetector, NumbersAsymmetricGridsByTheirOffsetRows) {
   for (const int rows : {11, 10}) {
     const auto detector = MakeMarkerDetector(Circles(4, rows, true));

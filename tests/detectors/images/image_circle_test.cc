@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <opencv2/imgproc.hpp>
+
+#include "tests/digest.h"
 
 namespace plenocal::testing {
 namespace TEST_FILE {
@@ -49,6 +52,27 @@ TEST(ImageCircle, IsNotTakenFromABoardBeforeBlack) {
     cv::rectangle(images.back(), {x, 120, 200, 230}, 220, cv::FILLED);
   }
   EXPECT_FALSE(Found(images));
+}
+
+TEST(ImageCircle, OfDimNoisyImagesIsTheSameAsBefore) {
+  Digest digest;
+  for (const double angle : {0.0, 6.0}) {
+    std::vector<cv::Mat> images;
+    cv::RNG random(4);
+    for (const int x : {160, 250, 330}) {
+      cv::Mat noise(kSize[1], kSize[0], CV_8U);
+      random.fill(noise, cv::RNG::UNIFORM, 0, 14);
+      images.push_back(Black());
+      cv::ellipse(images.back(), {311, 243}, {270, 228}, angle, 0, 360, 40, cv::FILLED);
+      cv::rectangle(images.back(), {x, 30, 120, 230}, 14, cv::FILLED);
+      images.back() += noise;
+    }
+    const std::optional<ImageCircle> circle = Found(images);
+    ASSERT_TRUE(circle);
+    digest.AddAll(circle->centre);
+    digest.AddAll(circle->radii);
+  }
+  EXPECT_NEAR(digest.Sum(), -256.2584, 1e-3);
 }
 
 }  // namespace TEST_FILE

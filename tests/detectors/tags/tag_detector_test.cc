@@ -33,7 +33,7 @@
 #include "detectors/plenoptic/markers/focused_image_detector.h"
 #include "detectors/templates/marker_template.h"
 #include "detectors/types/marker_detectors.h"
-#include "tests/detectors/render.h"
+#include "tests/detectors/render_pattern.h"
 #include "tests/optional_data.h"
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
@@ -332,6 +332,45 @@ TEST(TagDetector, FindsAllOfAKalibrGrid) {
     }
     EXPECT_LT(sum / (2.0 * static_cast<double>(detections.markers.size())), 1.6);
   }
+}
+
+TEST(TagDetector, ResultsOnHardImagesAreTheSameAsBefore) {
+  const Board kalibr(kFamilies[3], 5, 4, 1.3, true), plain(kFamilies[8], 3, 3, 1.8);
+  const cv::Size size(420, 360);
+  const auto view = [&](const Board& board,
+                        double side,
+                        double tilt,
+                        double roll,
+                        testing::RenderOptions options) {
+    options.supersampling = 4;
+    return testing::Render(
+        testing::View(board, Camera(board, size, side, tilt, roll)), size, options);
+  };
+  cv::Mat partly_hidden = view(kalibr, 54, 20, 10, {.blur = 1, .noise = 6});
+  partly_hidden(cv::Rect(150, 90, 60, 50)) = 120;
+  testing::ExpectDigests(
+      *MakeMarkerDetector(kalibr.target),
+      {view(kalibr, 18, 10, 40, {.blur = 0.5, .noise = 2}),
+       view(kalibr, 54, 62, 10, {.blur = 0.8, .noise = 3}),
+       view(kalibr, 54, 20, 100, {.blur = 2.6, .noise = 3}),
+       view(kalibr, 54, 20, 10, {.blur = 0.8, .noise = 40}),
+       view(kalibr, 110, 20, 10, {.blur = 0.8, .noise = 3}),
+       partly_hidden,
+       testing::UnevenlyLit(view(kalibr, 54, 30, -20, {.blur = 0.6, .noise = 3}), 0.2),
+       0.12 * view(kalibr, 54, 30, -20, {.blur = 0.9, .noise = 2}) + 60},
+      {-20232.9686,
+       -19695.6897,
+       -20334.9955,
+       -19281.3860,
+       -1800.1483,
+       -19826.4015,
+       -18699.1828,
+       -18683.1825});
+  testing::ExpectDigests(*MakeMarkerDetector(plain.target),
+                         {view(plain, 22, 20, 40, {.blur = 0.6, .noise = 3}),
+                          view(plain, 60, 55, 200, {.blur = 1.2, .noise = 12}),
+                          view(plain, 150, 40, -70, {.blur = 2, .noise = 5})},
+                         {-5378.8229, -5022.4264, -188.4473});
 }
 
 TEST(FocusedImageDetector, FindsTagsThatAreTooBlurredForTheDetector) {

@@ -11,6 +11,7 @@
 #include "calib/base/statistics.h"
 #include "detectors/plenoptic/depth/depth_survey.h"
 #include "tests/detectors/plenoptic/depth/wave_scene.h"
+#include "tests/digest.h"
 
 namespace plenocal::internal {
 namespace TEST_FILE {
@@ -139,6 +140,36 @@ TEST(SurveyDepth, IsTheSameToTheLastBitForAnyNumberOfThreads) {
   for (int run = 0; run < kRuns; ++run) {
     EXPECT_EQ(numbers(2), alone);
     EXPECT_EQ(numbers(5), alone);
+  }
+}
+
+TEST(SurveyDepth, ResultsOnHardScenesAreTheSameAsBefore) {
+  std::vector<WaveScene> scenes(3);
+  scenes[0].v = 6.5;
+  scenes[0].noise = 3;
+  scenes[1].v = -2.4;
+  scenes[1].blur = {0.9, 0, 0.4};
+  scenes[2].v = 2.6;
+  scenes[2].right_v = 7;
+  scenes[2].amplitude = 4;
+  scenes[2].right_blur = {0, 0.7, 0};
+  const std::vector<double> expected{225.415, 548.783, 745.239};
+  for (size_t i = 0; i < scenes.size(); ++i) {
+    const Matched matched(scenes[i]);
+    const DepthSurvey& survey = matched.survey;
+    testing::Digest digest;
+    digest.AddAll(std::vector{
+        survey.range.lowest, survey.range.highest, survey.likely.lowest, survey.likely.highest});
+    for (const auto& of_types : {survey.defocus, survey.vignetting}) {
+      for (const LinearInZ& k : of_types) digest.AddAll(std::vector{k.offset, k.slope});
+    }
+    for (const float variance : survey.misfit) digest.Add(variance);
+    for (const LensDepth& lens : matched.depths) {
+      for (const PixelDepth& pixel : lens) {
+        digest.AddAll(std::vector{pixel.x, pixel.y, pixel.z, 100 * std::sqrt(pixel.variance)});
+      }
+    }
+    EXPECT_NEAR(digest.Sum(), expected[i], 1e-2) << i << ": " << matched.Count();
   }
 }
 

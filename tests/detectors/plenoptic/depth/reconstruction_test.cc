@@ -12,6 +12,7 @@
 
 #include "calib/base/error.h"
 #include "tests/detectors/plenoptic/plenoptic_scene.h"
+#include "tests/digest.h"
 #include "tests/refusal.h"
 
 namespace plenocal {
@@ -32,6 +33,7 @@ float Quantile(std::vector<float> values, double share) {
 struct Case {
   const char* name;
   PlenopticScene scene;
+  double digest = 0;  ///< of depth, its sigma and the focused image
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
@@ -79,6 +81,16 @@ TEST_P(FocusedScene, HasItsDepthWithHonestSigma) {
   EXPECT_LT(std::abs(Quantile(signed_error, 0.5)), 0.001);
   EXPECT_GT(spread, 0.6);
   EXPECT_LT(spread, 1.5);
+  testing::Digest digest;
+  for (int y = 0; y < view.image.rows; y += 2) {
+    for (int x = 0; x < view.image.cols; x += 2) {
+      digest.Add(view.depth.inverse.at<float>(y, x));
+      digest.Add(view.depth.sigma.at<float>(y, x));
+      digest.Add(view.depth.known.at<uchar>(y, x) / 255);
+      digest.Add(view.image.at<float>(y, x) / scene.brightness);
+    }
+  }
+  EXPECT_NEAR(digest.Sum(), GetParam().digest, 1e-2);
 }
 
 TEST_P(FocusedScene, LooksLikeTheScene) {
@@ -107,15 +119,16 @@ TEST_P(FocusedScene, LooksLikeTheScene) {
 INSTANTIATE_TEST_SUITE_P(
     Cameras,
     FocusedScene,
-    ::testing::Values(Case{"Galilean", {}},
-                      Case{"Turned", {.rotation = std::numbers::pi / 2 + 0.01}},
-                      Case{"OneType", {.types = 1}},
-                      Case{"Keplerian", {.depth = -3.5}},
-                      Case{"SmallPitch", {.pitch = 10, .depth = 3.2, .detail = 14}},
-                      Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}},
-                      Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}},
-                      Case{"Dark", {.brightness = 75}},
-                      Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb}}),
+    ::testing::Values(
+        Case{"Galilean", {}, -32.398},
+        Case{"Turned", {.rotation = std::numbers::pi / 2 + 0.01}, -60.211},
+        Case{"OneType", {.types = 1}, -32.407},
+        Case{"Keplerian", {.depth = -3.5}, -125.069},
+        Case{"SmallPitch", {.pitch = 10, .depth = 3.2, .detail = 14}, -203.230},
+        Case{"LargePitch", {.width = 600, .height = 600, .pitch = 36, .detail = 40}, -107.010},
+        Case{"BlurredWithItsEdges", {.types = 1, .blur = 0.8}, -10.811},
+        Case{"Dark", {.brightness = 75}, 21.153},
+        Case{"Bayer", {.pitch = 24, .detail = 36, .bayer = BayerOrder::kRggb}, -89.820}),
     [](const auto& param) { return param.param.name; });
 
 using ColouredScene = FocusedScene;

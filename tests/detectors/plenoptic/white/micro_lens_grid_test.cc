@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -17,6 +18,7 @@
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/white/micro_lens_attenuation.h"
 #include "tests/detectors/plenoptic/white/white_field.h"
+#include "tests/digest.h"
 #include "tests/optional_data.h"
 #include "tests/refusal.h"
 
@@ -195,6 +197,51 @@ TEST(MicroLensGrid, TurnedAndDarkerImagesGiveTheSameGrid) {
     ++pairs[{lens.type, nearest->type}];
   }
   EXPECT_EQ(pairs.size(), 3u);
+}
+
+TEST(MicroLensGrid, ResultsOnHardFieldsAreTheSameAsBefore) {
+  const std::vector<std::pair<WhiteField, double>> cases{
+      {{.size = {260, 200}, .pitch = 7, .level = 400, .images = 2, .gain_scatter = 0.1}, -55.5292},
+      {{.size = {320, 240}, .pitch = 23, .distortion = 0.02, .fill = 1.1, .tilt = 0.02}, 163.6340},
+      {{.size = {320, 240},
+        .pitch = 15,
+        .types = 1,
+        .images = 1,
+        .gain_scatter = 0.05,
+        .dead = {{0, 0}, {1, 0}, {2, 0}, {-3, 2}, {4, -2}, {-5, -5}},
+        .bayer = true},
+       -502.0697},
+      {{.size = {300, 300},
+        .pitch = 21,
+        .pattern = LensPattern{.columns = 2, .rows = 2},
+        .fill = 1.04,
+        .level = 800,
+        .lattice = LatticeKind::kRectangular,
+        .aspect = 1.1},
+       -945.9875},
+      {{.size = {220, 180}, .pitch = 33, .rotation_deg = 25, .tilt = -0.01, .gain_scatter = 0.03},
+       -100.6592}};
+  for (size_t i = 0; i < cases.size(); ++i) {
+    const auto& [field, expected] = cases[i];
+    const cv::Mat drawn = Render(field).white;
+    const cv::Mat white = field.bayer ? LevelBayerPlanes(drawn) : drawn;
+    const MicroLensGrid grid = FindMicroLensGrid(white, 1);
+    Digest digest;
+    for (const MicroLens& lens : grid.array.lenses) {
+      digest.AddAll(lens.centre);
+      digest.Add(lens.type + (lens.usable ? 0 : 10));
+    }
+    for (const double gain : grid.gains) digest.Add(gain / field.level);
+    for (const double covariance : grid.array.errors.covariance) digest.Add(1e3 * covariance);
+    digest.AddAll(std::array{
+        grid.centre_rms, grid.centre_sigma, 1.0 * grid.degree, grid.misfit, grid.gain_spread});
+    const cv::Mat attenuation = MicroLensAttenuation(
+        drawn, grid, field.bayer ? std::optional(BayerOrder::kRggb) : std::nullopt);
+    for (int y = 0; y < attenuation.rows; y += 3) {
+      for (int x = 0; x < attenuation.cols; x += 2) digest.Add(attenuation.at<float>(y, x));
+    }
+    EXPECT_NEAR(digest.Sum(), expected, 2e-3) << i;
+  }
 }
 
 TEST(MicroLensGrid, RefusesAnImageThatIsNotPlenoptic) {
