@@ -96,7 +96,7 @@ def write_compiled(words, sources, points):
         rewritten = {path: mutation_points.rewrite(source, own[path]) for path, source in sources.items()}
         for path, (text, _) in rewritten.items():
             path.write_bytes(text.encode("latin-1"))
-        check = ["-fsyntax-only", "-Wno-subobject-linkage", "-fdiagnostics-color=never", "-x", "c++", "-"]
+        check = ["-fsyntax-only", "-Wno-subobject-linkage", "-Wno-invalid-pch", "-fdiagnostics-color=never", "-x", "c++", "-"]
         done = subprocess.run([*words, *check], input=joined(sources), capture_output=True, text=True)
         if done.returncode == 0:
             return points
