@@ -241,5 +241,24 @@ TEST(AssignTags, TagsOfAForeignBoardFitNoTarget) {
 
 TEST(AssignTags, NothingReadIsNothingSorted) { EXPECT_TRUE(AssignTags({}, {Grid(2, 2)}).empty()); }
 
+TEST(SamePrint, IsOneArrangementOfTheSameTagsAtAnySizeAndPlace) {
+  const TagPositions board = Grid(3, 2);
+  EXPECT_TRUE(IsSamePrint(board, board));
+  TagPositions placed;
+  for (const auto& [id, points] : board) {
+    for (std::size_t k = 0; k < 4; ++k) placed[id][k] = 0.02 * (Pose(3, 1, 0.4, -0.2) * points[k]);
+  }
+  EXPECT_TRUE(IsSamePrint(board, placed));
+  TagPositions moved = board, renumbered, fewer = board;
+  moved.rbegin()->second[2].x() += 0.5;
+  for (const auto& [id, points] : board) renumbered[id + 1] = points;
+  fewer.erase(fewer.rbegin()->first);
+  for (const TagPositions& other : {moved, renumbered, fewer, TagPositions{}}) {
+    EXPECT_FALSE(IsSamePrint(board, other));
+    EXPECT_FALSE(IsSamePrint(other, board));
+  }
+  EXPECT_FALSE(IsSamePrint({}, {}));
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal::internal
