@@ -145,9 +145,7 @@ TEST(Verdict, NamesACameraThatWasKnocked) {
 TEST(Verdict, NamesTheModelThatALensNeeds) {
   SyntheticProblem problem = GoodProblem(775, 1);
   CameraInput& camera = problem.input.cameras[0];
-  camera.model = FindModel(CameraModels(), "pinhole");
-  camera.initial.assign(camera.model->params.size(), std::nullopt);
-  camera.fixed.assign(camera.model->params.size(), false);
+  SetModel(*FindModel(CameraModels(), "pinhole"), &camera);
   const Verdict verdict = VerdictOf(problem);
   EXPECT_EQ(CodesOf(verdict.findings).front(), "strong_distortion_pinhole") << VerdictText(verdict);
 }
@@ -163,9 +161,7 @@ TEST(Verdict, NamesABentBoard) {
 TEST(Verdict, NamesTheLensBeforeTheRig) {
   SyntheticProblem problem = GoodProblem(777, 2);
   CameraInput& camera = problem.input.cameras[1];
-  camera.model = FindModel(CameraModels(), "pinhole");
-  camera.initial.assign(camera.model->params.size(), std::nullopt);
-  camera.fixed.assign(camera.model->params.size(), false);
+  SetModel(*FindModel(CameraModels(), "pinhole"), &camera);
   const Verdict verdict = VerdictOf(problem);
   EXPECT_EQ(CodesOf(verdict.findings).front(), "strong_distortion_pinhole") << VerdictText(verdict);
   EXPECT_THAT(CodesOf(verdict.findings), Not(Contains("not_synchronous")));
@@ -227,9 +223,7 @@ TEST(Verdict, IsAboutTheProjectionWhereCoefficientsAreOpen) {
   for (unsigned seed = 0; seed < kSets; ++seed) {
     SyntheticProblem problem = GoodProblem(790 + seed, 1);
     CameraInput& camera = problem.input.cameras[0];
-    camera.model = FindModel(CameraModels(), "pinhole-radtan8");
-    camera.initial.assign(camera.model->params.size(), std::nullopt);
-    camera.fixed.assign(camera.model->params.size(), false);
+    SetModel(*FindModel(CameraModels(), "pinhole-radtan8"), &camera);
     for (const Finding& finding : VerdictOf(problem).findings) {
       if (finding.code != "undetermined") continue;
       ++open;

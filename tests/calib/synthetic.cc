@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "models/registry.h"
 #include "tests/calib/random.h"
@@ -138,6 +139,13 @@ SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options) {
     }
   }
   return problem;
+}
+
+void SetModel(const CameraModel& model, CameraInput* camera) {
+  camera->model = &model;
+  camera->config.assign(model.example_config.begin(), model.example_config.end());
+  camera->initial.assign(model.params.size(), std::nullopt);
+  camera->fixed.assign(model.params.size(), false);
 }
 
 CalibrationInput WithNoise(CalibrationInput input, double sigma, unsigned seed) {

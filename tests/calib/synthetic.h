@@ -47,6 +47,9 @@ struct SyntheticProblem {
 /// A random pinhole-radial3 rig before a target, all from `seed`.
 SyntheticProblem MakeProblem(unsigned seed, const SyntheticOptions& options);
 
+/// Gives a camera another model: no parameter is known or fixed.
+void SetModel(const CameraModel& model, CameraInput* camera);
+
 /// The same observations with noise of this sigma (px) added, which they state.
 CalibrationInput WithNoise(CalibrationInput input, double sigma, unsigned seed);
 

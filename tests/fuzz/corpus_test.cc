@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // For one input, s; sanitizers take several times as long.
-constexpr double kLongest = PLENOCAL_SLOWER * 10, kLongestCommand = PLENOCAL_SLOWER * 20;
+constexpr double kLongest = PLENOCAL_SLOWDOWN * 10, kLongestCommand = PLENOCAL_SLOWDOWN * 20;
 constexpr long kMostMemory = 1L << 20;  // kB
 
 std::vector<std::string> InputsOf(const Reader& reader) {

@@ -31,18 +31,12 @@ constexpr double kNoise = 0.1;  // px
 
 const CameraModel& Model(const char* name) { return *FindModel(CameraModels(), name); }
 
-void SetModel(const char* name, CameraInput* camera) {
-  camera->model = &Model(name);
-  camera->initial.assign(camera->model->params.size(), std::nullopt);
-  camera->fixed.assign(camera->model->params.size(), false);
-}
-
 // With every third point of the board where that is enough.
 SyntheticProblem Problem(const char* model, int cameras = 1) {
   SyntheticProblem problem =
       MakeProblem(775, {.cameras = cameras, .frames = cameras > 1 ? 10 : 6, .noise = kNoise});
   for (CameraInput& camera : problem.input.cameras) {
-    if (camera.model != &Model(model)) SetModel(model, &camera);
+    if (camera.model != &Model(model)) SetModel(Model(model), &camera);
     for (View& view : camera.views) {
       for (Observation& seen : view.observations) seen.detector_sigma = kNoise;
       if (cameras > 1) continue;
@@ -184,7 +178,7 @@ TEST(Diagnose, RunsTheStagesOfEachCamera) {
 
 double MedianOf(const SyntheticProblem& problem, const char* model) {
   CameraInput camera = problem.input.cameras[0];
-  SetModel(model, &camera);
+  SetModel(Model(model), &camera);
   return GuessCamera(camera, problem.input.markers).median_error;
 }
 
@@ -236,7 +230,7 @@ TEST(LensCauses, AreOfModelsThatCanTakeItsPlace) {
   problem.input.cameras[0].fixed[0] = true;
   problem.input.cameras[0].initial[0] = 1;
   EXPECT_TRUE(FindLensCause(problem.input, 0, models));
-  SetModel("pinhole-radial3", &problem.input.cameras[0]);
+  SetModel(Model("pinhole-radial3"), &problem.input.cameras[0]);
   const CameraModel* const own = problem.input.cameras[0].model;
   EXPECT_FALSE(FindLensCause(problem.input, 0, {own, 1}));
 }
@@ -256,7 +250,7 @@ TEST(LensCauses, HaveAnotherCodeForModelsWithDistortion) {
     });
   }
   const std::vector<CameraModel> models{fisheye};
-  SetModel("pinhole-radial3", &camera);
+  SetModel(Model("pinhole-radial3"), &camera);
   const std::optional<LensCause> found = FindLensCause(problem.input, 0, models);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->finding.code, "model_misfit");

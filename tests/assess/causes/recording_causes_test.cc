@@ -150,9 +150,7 @@ TEST(LensCause, NamesTheModelThatFits) {
   CameraInput& camera = problem.input.cameras[0];
   const CameraModel right = *camera.model, wrong = *FindModel(CameraModels(), "pinhole");
   EXPECT_FALSE(FindLensCause(problem.input, 0, {&wrong, 1}).has_value());
-  camera.model = &wrong;
-  camera.initial.assign(wrong.params.size(), std::nullopt);
-  camera.fixed.assign(wrong.params.size(), false);
+  SetModel(wrong, &camera);
   const std::optional<LensCause> cause = FindLensCause(problem.input, 0, {&right, 1});
   ASSERT_TRUE(cause.has_value());
   EXPECT_EQ(cause->finding.code, "strong_distortion_pinhole");

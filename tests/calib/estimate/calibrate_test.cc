@@ -400,9 +400,7 @@ TEST(FrameScatter, OfAModelWithVeryManyUnknownsIsNamed) {
   for (const double own_lens : {0.0, 5e-9}) {
     SyntheticProblem problem = MakeProblem(11, {.frames = 20, .noise = 0.1});
     CameraInput& camera = problem.input.cameras[0];
-    camera.model = splined;
-    camera.initial.assign(splined->params.size(), std::nullopt);
-    camera.fixed.assign(splined->params.size(), false);
+    testing::SetModel(*splined, &camera);
     std::mt19937 random(5);
     std::normal_distribution<double> normal;
     for (View& view : camera.views) {

@@ -4,7 +4,6 @@
 // before?
 #include <gtest/gtest.h>
 
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -81,10 +80,7 @@ TEST(SameResultsByModel, OfALensThatFewFit) {
   CalibrationInput input = MakeProblem(60, {.frames = 8, .fov_deg = 100, .noise = 0.2}).input;
   CameraInput& camera = input.cameras[0];
   for (const auto& [name, digest] : expected) {
-    camera.model = FindModel(CameraModels(), name);
-    camera.config.assign(camera.model->example_config.begin(), camera.model->example_config.end());
-    camera.initial.assign(camera.model->params.size(), std::nullopt);
-    camera.fixed.assign(camera.model->params.size(), false);
+    SetModel(*FindModel(CameraModels(), name), &camera);
     EXPECT_NEAR(DigestOf(input), digest, kTolerance) << name;
   }
 }

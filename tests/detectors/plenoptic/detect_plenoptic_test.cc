@@ -172,7 +172,7 @@ TEST_F(DetectChessboard, ResultsAreTheSameAsBefore) {
   EXPECT_NEAR(DigestOf(DetectPlenopticImages(images, target_, options_)), -96.032, kTolerance);
 }
 
-// Tags and circles, 3 px of a micro image wide.
+// Tags whose cells are 3 px wide in the micro images, and circles.
 TEST_F(DetectPlenoptic, ResultsOnTagsAndCirclesAreTheSameAsBefore) {
   constexpr double kPerMetre = 2000;  // px of the virtual image
   const std::vector<std::pair<std::string, double>> targets{
