@@ -124,8 +124,9 @@ TEST(DistortionField, GivesDisplacementsThatEdgesDoNotShow) {
 // What edges do not show follows from the field: the terms of third order of a radial distortion
 // A |q|^2n q, by differences. A homography's part of them is as small as the distortion's slope.
 TEST(DistortionField, HasTheThirdOrderOfEachRadialTerm) {
+  constexpr double kReach = 25;  // px
   const double radius = kSize.norm() / 2;
-  for (const int n : {1, 2, 3}) {
+  for (const int n : {1, 2, 3, 4, 5}) {
     const auto displacement = [&](const Eigen::Vector2d& x) -> Eigen::Vector2d {
       const Eigen::Vector2d q = (x - kAxis) / radius;
       return radius * 0.05 * std::pow(q.squaredNorm(), n) * q;
@@ -152,9 +153,10 @@ TEST(DistortionField, HasTheThirdOrderOfEachRadialTerm) {
       double errors = 0, lengths = 0;
       for (int k = 0; k < 12; ++k) {
         const double angle = k * std::numbers::pi / 6;
-        const Eigen::Vector2d d(40 * std::cos(angle), 40 * std::sin(angle)), one = d / 40;
+        const Eigen::Vector2d one(std::cos(angle), std::sin(angle)), d = kReach * one;
         const Eigen::Vector2d odd = (displacement(place + d) - displacement(place - d)) / 2,
-                              linear = 20 * (displacement(place + one) - displacement(place - one));
+                              linear = kReach / 2 *
+                                       (displacement(place + one) - displacement(place - one));
         const Eigen::Vector2d found = (basis.At(d) - basis.At(-d)) * local / 2;
         errors += (found - (odd - linear)).squaredNorm();
         lengths += (odd - linear).squaredNorm();

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <opencv2/core.hpp>
@@ -83,6 +85,28 @@ TEST_F(PhotonTransferTest, FindsGainAndReadNoise) {
   EXPECT_LT(noise->misfit, 0.03);
   EXPECT_EQ(noise->saturation, 4095);
   EXPECT_THAT(noise->defects, IsEmpty());
+}
+
+// The levels of a dark image differ in their standard errors by an order of magnitude.
+TEST_F(PhotonTransferTest, IsTheWeightedLineThroughItsLevels) {
+  AddRaw(6, 60);
+  const auto noise = Measure();
+  ASSERT_TRUE(noise);
+  const auto count = static_cast<Eigen::Index>(noise->levels.size());
+  Eigen::MatrixX2d A(count, 2);
+  Eigen::VectorXd b(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const NoiseLevel& level = noise->levels[static_cast<size_t>(i)];
+    A.row(i) << level.level / level.sigma, 1 / level.sigma;
+    b[i] = level.variance / level.sigma;
+  }
+  const Eigen::Vector2d line = A.colPivHouseholderQr().solve(b);
+  EXPECT_NEAR(noise->gain, line[0], 1e-9);
+  EXPECT_NEAR(noise->read, std::sqrt(line[1]), 1e-9);
+  const double chi2 = (b - A * line).squaredNorm() / static_cast<double>(count - 2);
+  const Eigen::Matrix2d covariance = std::max(1.0, chi2) * (A.transpose() * A).inverse();
+  EXPECT_NEAR(noise->gain_sigma, std::sqrt(covariance(0, 0)), 1e-9);
+  EXPECT_NEAR(noise->read_sigma, std::sqrt(covariance(1, 1)) / (2 * noise->read), 1e-9);
 }
 
 TEST_F(PhotonTransferTest, NamesDefectivePixels) {
