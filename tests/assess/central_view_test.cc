@@ -85,6 +85,24 @@ TEST(CentralView, StatesTheTargetsDistanceAndTheErrorAtOthers) {
   EXPECT_NEAR(view.LargestError(), 211 * z_p * std::sin(theta), 0.1 * view.LargestError());
 }
 
+TEST(CentralView, SaysWhereItIsExactAndHowFarOffElsewhere) {
+  const CalibrationRecord record = WithPupil(0.004);
+  std::string messages;
+  const plenocal::Run run{
+      .listener = {.message = [&](const std::string& line) { messages += line; }}};
+  CentralView(record, record.cameras[0], 2.0).Report(run);
+  EXPECT_THAT(messages, HasSubstr("exact at the distance 2 m, and off by at most"));
+  EXPECT_THAT(messages, HasSubstr("px at half and at twice it; --distance chooses another"));
+  messages.clear();
+  CentralView(record, record.cameras[0], std::numeric_limits<double>::infinity()).Report(run);
+  EXPECT_THAT(messages, HasSubstr("exact at the distance infinite, and off by at most"));
+  EXPECT_THAT(messages, HasSubstr("px at 1 m; --distance"));
+  messages.clear();
+  const CalibrationRecord central = RecordOf("equidistant", {210, 212, 322, 243});
+  CentralView(central, central.cameras[0], 2.0).Report(run);
+  EXPECT_EQ(messages, "");
+}
+
 TEST(CentralView, OfACentralCameraIsTheCameraItself) {
   const CalibrationRecord record = RecordOf("equidistant", {210, 212, 322, 243});
   const CentralView view(record, record.cameras[0], std::nullopt);

@@ -106,6 +106,24 @@ TEST(ImageSigma, DoesNotDependOnUnits) {
   EXPECT_LT(predicted, 0.01);
 }
 
+TEST(CompareExtrinsics, OfCamerasWithoutErrorsHaveNoPrediction) {
+  const SyntheticProblem problem = MakeProblem(3, {.cameras = 2, .frames = 10});
+  const Calibration calibration = Calibrate(WithNoise(problem.input, kNoise, 100), {});
+  std::vector<CalibratedCamera> cameras;
+  std::vector<CameraDifference> same;
+  for (const size_t c : {0, 1}) {
+    cameras.push_back(DescribeCamera(calibration, c));
+    cameras[c].covariance.setZero();
+    cameras[c].sigma_xi.setZero();
+    same.push_back(CompareCameras(cameras[c], cameras[c], {1}));
+  }
+  const ExtrinsicsDifference mount = CompareExtrinsics(
+      {cameras[0], cameras[0], same[0]}, {cameras[1], cameras[1], same[1]}, {}, {});
+  EXPECT_FALSE(mount.has_prediction);
+  EXPECT_FALSE(mount.differs);
+  EXPECT_LT(mount.rotation, 1e-12);
+}
+
 TEST(CompareExtrinsics, DifferencesAreAsLargeAsTheSigmasOfBothPredict) {
   // Of two cameras of which neither is the one that others stand relative to in the files.
   constexpr int kPairs = 16;

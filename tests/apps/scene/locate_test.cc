@@ -38,6 +38,19 @@ TEST_F(Locate, FindsThePosesOfTheCalibration) {
   }
 }
 
+TEST_F(Locate, PrintsALineOfEachImage) {
+  const Outcome run = Run({"locate", "out/calibration.yaml", "target.yaml", Detections()});
+  ASSERT_EQ(run.status, kDone) << run.err;
+  const Table poses(Read("out/poses.csv"));
+  const std::vector<std::string> lines = Lines(run.out), frames = poses.Column("frame");
+  ASSERT_EQ(lines.size(), frames.size());
+  for (size_t i = 0; i < lines.size(); ++i) {
+    EXPECT_THAT(lines[i], ::testing::StartsWith(frames[i] + ": ("));
+    EXPECT_THAT(lines[i], ::testing::ContainsRegex("\\) m \\+- [0-9.]+ mm, [0-9.]+ mrad; "));
+    EXPECT_THAT(lines[i], ::testing::ContainsRegex("([0-9]+) of [0-9]+ points, RMS 0\\.[0-9]+ px"));
+  }
+}
+
 TEST_F(Locate, PrintsTheCovarianceAsJson) {
   const Outcome run =
       Run({"locate", "out/calibration.yaml", "target.yaml", Detections(), "--json"});

@@ -119,6 +119,14 @@ TEST(SessionText, GetsARuleAndNothingElse) {
   EXPECT_EQ(WithoutRule(once, first), std::string(kText) + "\n");
 }
 
+TEST(SessionText, FindsKeysInQuotes) {
+  EXPECT_EQ(WithRule("'exclude':\n  - {frame: a}\n", {.frame = "b"}),
+            "'exclude':\n  - {frame: a}\n  - {frame: b}\n");
+  EXPECT_EQ(
+      WithValue("\"cameras\":\n  left:\n    model: pinhole\n", {"cameras", "left", "model"}, "fov"),
+      "\"cameras\":\n  left:\n    model: fov\n");
+}
+
 TEST(SessionText, KeepsRulesByHand) {
   const std::string by_hand = "exclude:\n- frame: '1'\n  note: mine\n# a comment\n";
   EXPECT_EQ(WithRule(by_hand, {.frame = "a"}),
@@ -141,6 +149,7 @@ TEST_F(ProjectFolder, UndoesAndRedoesOverARestart) {
     ASSERT_TRUE(project.Write("two\n", ""));
     ASSERT_TRUE(project.Write("three\n", ""));
     EXPECT_EQ(project.Undo()->text, "two\n");
+    EXPECT_TRUE(project.ReadVersion().undo);
   }
   Project project(folder_);
   EXPECT_TRUE(project.ReadVersion().redo);

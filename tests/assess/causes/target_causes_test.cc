@@ -2,6 +2,7 @@
 //
 // Right images before a wrong description of the target, or the other way round. The board has 10 x
 // 7 points, number 10 * row + column, 30 mm apart; in some tests they are the corners of 15 tags.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -245,6 +246,14 @@ TEST(BentTarget, IsMeasured) {
   ASSERT_TRUE(bent.has_value());
   EXPECT_EQ(bent->finding.code, "target_not_flat");
   EXPECT_THAT(bent->finding.what, HasSubstr("3.2 mm out of its plane"));
+  // The markers lie in one plane, in the mean of the stated places.
+  double mean = 0, squares = 0;
+  const auto count = static_cast<double>(problem.input.markers.size());
+  for (const auto& [number, p] : problem.input.markers) mean += p.z() / count;
+  for (const auto& [number, p] : problem.input.markers) squares += std::pow(p.z() - mean, 2);
+  const double rms = 1e3 * std::sqrt(squares / (3 * count));
+  EXPECT_THAT(bent->finding.what,
+              HasSubstr(fmt::format("peak, {:.2g} mm RMS per coordinate", rms)));
   EXPECT_THAT(bent->finding.what, HasSubstr("f_x of cam0 by"));
   EXPECT_THAT(bent->finding.remedy, HasSubstr(" mm in the target's file"));
   EXPECT_GT(bent->finding.value.value(), 0.1);
