@@ -196,6 +196,21 @@ TEST_F(Results, NeverReplaceAnInput) {
   EXPECT_EQ(Text(out_ / "poses.csv"), "input");
 }
 
+// A program has read it before it began this run.
+TEST_F(Results, NeverReplaceAFileThatWasMadeAnInput) {
+  Put(out_ / "calibration.yaml", "input");
+  UseAsInput(out_ / "calibration.yaml");  // of no run
+  EXPECT_FALSE(InputAt(out_ / "calibration.yaml"));
+  const RunScope run;
+  UseAsInput(out_ / "nothing.yaml");
+  OutputFolder out(out_);
+  out.Write("nothing.yaml", "x");
+  UseAsInput(out_ / "calibration.yaml");
+  EXPECT_EQ(InputAt(out_ / "calibration.yaml"), out_ / "calibration.yaml");
+  EXPECT_THAT(testing::RefusalOf([&] { out.Write("calibration.yaml", "x"); }),
+              HasSubstr("would replace this input"));
+}
+
 TEST_F(Results, ReplaceEarlierResultsAndFilesThatCameAfterAnInput) {
   Put(out_ / "a", "earlier");
   ReadEarlierResult(out_ / "a");

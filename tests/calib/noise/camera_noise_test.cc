@@ -112,6 +112,37 @@ TEST(CameraNoise, SeparatesTheErrorThatReplicatesShare) {
   }
 }
 
+TEST(CameraNoise, IsOneForAllWhereFewMarkersAreReplicated) {
+  constexpr double kOwn = 0.1;
+  Bundle bundle = ExactBundle(1);
+  bundle.observations.resize(20);
+  Random random(3);
+  std::vector<BundleObservation> replicates;
+  for (const BundleObservation& observation : bundle.observations) {
+    const double shared[2] = {random.Gaussian(0.3), random.Gaussian(0.3)};
+    for (int n = 0; n < 10; ++n) {
+      replicates.push_back(observation);
+      for (size_t r = 0; r < 2; ++r) {
+        replicates.back().seen.values[r] += shared[r] + random.Gaussian(kOwn);
+      }
+    }
+  }
+  bundle.observations = replicates;
+  AssumeSigmas(kOwn, &bundle);
+  const NoiseModel noise = EstimateCameraNoise(bundle, 0, {});
+  EXPECT_EQ(noise.common_sigma, 0);
+  double squares = 0;
+  const Bundle exact = ExactBundle(1);
+  for (size_t i = 0; i < replicates.size(); ++i) {
+    for (size_t r = 0; r < 2; ++r) {
+      squares +=
+          std::pow(replicates[i].seen.values[r] - exact.observations[i / 10].seen.values[r], 2);
+    }
+  }
+  const double rms = std::sqrt(squares / (2 * static_cast<double>(replicates.size())));
+  EXPECT_NEAR(noise.Sigma(kOwn), rms, 1e-6);
+}
+
 TEST(CameraNoise, CountsOnlyTheDegreesThatUnknownsHaveLeft) {
   Bundle bundle = ExactBundle(10);
   Random random(4);

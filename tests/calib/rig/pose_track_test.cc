@@ -83,6 +83,34 @@ TEST(PoseTrack, InterpolatesAndHasGaps) {
   EXPECT_FALSE(track.At(5));
 }
 
+// The base is moved by 1 m in a gap of half the time over which poses are averaged.
+TEST(PoseTrack, AveragesNoPosesBeyondAGap) {
+  Random random(3);
+  constexpr double kGapBegin = 10, kGapEnd = 10.06;
+  std::vector<double> times;
+  std::vector<RigidTransform> poses;
+  const auto truth = [](double time) {
+    RigidTransform T = kBaseTarget * TargetAt(time).Inverse() * kGripperRig.Inverse();
+    if (time > kGapBegin) T.t.x() += 1;
+    return T;
+  };
+  for (int i = 0; i < 2000; ++i) {
+    const double time = 0.01 * i + 0.005;
+    if (time > kGapBegin && time < kGapEnd) continue;
+    RigidTransform T = truth(time);
+    for (double& t : T.t) t += random.Gaussian(kPositionNoise);
+    times.push_back(time);
+    poses.push_back(T);
+  }
+  const PoseTrack track(times, poses, 0.13);
+  for (const double time : {9.5, 9.95, 9.98, 9.994, 10.066, 10.08, 10.11, 10.5}) {
+    const auto at = track.At(time);
+    ASSERT_TRUE(at) << time;
+    EXPECT_LT((at->pose.t - truth(time).t).norm(), 6 * kPositionNoise) << time;
+  }
+  EXPECT_FALSE(track.At(10.03));
+}
+
 struct Shift {
   double value = 0, sigma = 0;
 };

@@ -9,6 +9,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <array>
 #include <vector>
 
 #include "calib/base/linear_algebra.h"
@@ -35,6 +36,24 @@ TEST(CommonErrors, NamesAnErrorThatAllPointsShareAndNoSinglePointShows) {
   }
   EXPECT_LT(alone, 40);
   EXPECT_LT(CommonErrors(points).Test().probability, 1e-9);
+}
+
+// One error u and one point: z' (I + b b')^-1 z = |z|^2 - (b'z)^2 / (1 + |b|^2).
+TEST(CommonErrors, OfOneSharedErrorAreTestedWithout) {
+  SpacePoint point;
+  point.misses.resize(3);
+  point.misses_by_calibration.resize(3, 1);
+  point.misses << 2, -1, 3;
+  point.misses_by_calibration << 1, 0.5, -2;
+  const RaysTest test = CommonErrors(std::array{point}).Test();
+  EXPECT_EQ(test.degrees, 3);
+  EXPECT_NEAR(test.chi_square, 14 - 4.5 * 4.5 / (1 + 5.25), 1e-12);
+  // An error that is known so badly explains all, up to rounding.
+  for (int i = 1; i <= 100; ++i) {
+    point.misses = (1 + i / 7.0) * Eigen::Vector3d(2, -1, 3);
+    point.misses_by_calibration = 1e9 * point.misses;
+    EXPECT_GE(CommonErrors(std::array{point}).Test().chi_square, 0);
+  }
 }
 
 // Two frames of one calibration: the jitter of one is not that of the other.

@@ -397,6 +397,8 @@ TEST(SpaceRig, HasTheCalibrationsNoiseForTheDetectorsSigma) {
   fit.detector_sigma = 0.024;  // too small by 0.032
   EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0.06), std::hypot(0.06, 0.032), 1e-12);
   EXPECT_NEAR(MakeSpaceRig(record, {}).NoiseOf(0, 0), 0.04, 1e-12);
+  const CalibrationRecord plenoptic = UncertainRig({.models = {"focused-plenoptic"}});
+  EXPECT_NEAR(MakeSpaceRig(plenoptic, {}).NoiseOf(0, 0), kNoise, 1e-12);
 }
 
 TEST(Measures, AngleAndPlaneHaveTheStandardErrorsOfTheirDerivatives) {
