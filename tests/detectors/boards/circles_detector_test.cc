@@ -118,6 +118,20 @@ TEST(CirclesDetector, APartOfALargerTargetIsNoTarget) {
   EXPECT_EQ(MakeMarkerDetector(Circles(9, 6, false))->Detect(image).markers.size(), 54);
 }
 
+// All within the image, so that only the circles beside it show that a grid goes on.
+TEST(CirclesDetector, APartOfALargerTargetWithAHiddenCircleIsNoTarget) {
+  const OtherTargets others{.targets = {Circles(9, 6, false)}};
+  const auto detector = MakeMarkerDetector(Circles(7, 5, false), others);
+  const Eigen::Matrix3d H = TiltedView(30, 0.1, 100, 90);
+  const GrayFunction larger = [](const Eigen::Vector2d& p) {
+    return p.norm() < 0.5 ? 200 : Board(9, 6, false)(p);
+  };
+  EXPECT_THAT(detector->Detect(Render(View(larger, H), {480, 400}, {.blur = 0.7})).markers,
+              ::testing::IsEmpty());
+  const cv::Mat own = Render(View(Board(7, 5, false), H), {480, 400}, {.blur = 0.7});
+  EXPECT_EQ(detector->Detect(own).markers.size(), 35);
+}
+
 TEST(CirclesDetector, FindsWhiteCirclesOnBlack) {
   const Eigen::Matrix3d H = TiltedView(28, 0.1, 60, 50);
   const auto found =
