@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "detectors/photometry/response_curve.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -97,6 +98,17 @@ TEST(ResponseCurve, IsReadAsItIsWritten) {
   EXPECT_THAT(with(7, "6"), HasSubstr("value 7 (6) does not exceed the one before (6)"));
   EXPECT_THAT(with(1, "-1"), HasSubstr("value 1 (-1) does not exceed the one before (0)"));
   EXPECT_THAT(with(255, "1e320"), HasSubstr("255"));
+  // Of any unit that numbers can be scaled to.
+  const auto with_unit = [&](double unit) {
+    row.clear();
+    for (size_t k = 0; k < ResponseCurve::kValues; ++k) {
+      row += fmt::format("{} ", static_cast<double>(k) * unit);
+    }
+    return refused(row);
+  };
+  EXPECT_EQ(with_unit(1e305), "no refusal");
+  EXPECT_EQ(with_unit(1e-300), "no refusal");
+  EXPECT_THAT(with_unit(1e-320), HasSubstr("have no scale"));
 }
 
 TEST(LightOf, IsTheLightOfEachPixelAndChannel) {

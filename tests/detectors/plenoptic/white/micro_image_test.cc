@@ -47,6 +47,10 @@ TEST(ProfileFit, FollowsASoftDisc) {
   for (double r = 0; r < kRadius - 1; r += 0.3) {
     EXPECT_NEAR(profile.At(r).value, Disc(r), 0.003) << r;
     EXPECT_NEAR(profile.At(r).slope, (Disc(r + 1e-4) - Disc(r - 1e-4)) / 2e-4, 0.02) << r;
+    // Within one cubic.
+    const double s = r + 0.1;
+    const double own = (profile.At(s + 1e-5).value - profile.At(s - 1e-5).value) / 2e-5;
+    EXPECT_NEAR(profile.At(s).slope, own, 1e-8) << s;
     ++checked;
   }
   EXPECT_GT(checked, 40);
