@@ -224,6 +224,22 @@ TEST(TryModels, NeedFramesToHoldOut) {
       HasSubstr("2 frames: too few"));
 }
 
+// The second camera has seen every fifth frame alone: those are one fold.
+TEST(TryModels, NeedFramesOfTheCameraInTwoFolds) {
+  SyntheticProblem problem = MakeProblem(5, {.cameras = 2, .frames = 20, .noise = kNoise});
+  std::vector<View>& views = problem.input.cameras[1].views;
+  std::vector<std::string> frames;
+  for (const View& view : problem.input.cameras[0].views) frames.push_back(view.frame);
+  std::ranges::sort(frames);
+  std::erase_if(views, [&](const View& view) {
+    return (std::ranges::find(frames, view.frame) - frames.begin()) % 5 != 0;
+  });
+  ASSERT_EQ(views.size(), 4U);
+  EXPECT_THAT(RefusalOf([&] { TryModels(problem.input, {1}, Models({"pinhole-radial3"}), {}); },
+                        ErrorKind::kJob),
+              HasSubstr("pinhole-radial3: without fold 1: cam1 has no observations left"));
+}
+
 TEST(TryModels, StopWhenTheCallerAsks) {
   const SyntheticProblem problem = MakeProblem(5, {.frames = 8, .noise = kNoise});
   TrialOptions options;

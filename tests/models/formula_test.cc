@@ -233,6 +233,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"TwoForms", "radius: theta\nmap: [X/Z, Y/Z]\n", {"map, radius and ray"}},
         Mistake{"TooManyMaps", "map: [X/Z, Y/Z, 1]\n", {"expected 2 formulas"}},
         Mistake{"Comma", "map: [min(X, Y), Y/Z]\n", {"quotes"}},
+        Mistake{"NoNumber", "radius: 'theta*(1 + * 2)'\n", {"column 12", "expected a number"}},
+        Mistake{"Unfinished", "radius: 'theta*'\n", {"column 7", "expected a number"}},
         Mistake{"NotClosed", "radius: 'theta*(1 + 2'\n", {"column 13", "expected ')'"}},
         Mistake{"Comparison", "radius: theta < 1\n", {"column 7", "comparison"}},
         Mistake{

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "targets/target.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -76,6 +77,17 @@ TEST(Target, OfUnknownSizeHasItAsTheUnit) {
               HasSubstr("marker: 'square' is unknown; state this as a part of it"));
   EXPECT_EQ(DoubtsAbout(TargetOfWord("chessboard:9x6:unknown")).unknown, "square");
   EXPECT_EQ(DoubtsAbout(TargetOfWord("chessboard:9x6:25mm")).unknown, "");
+}
+
+TEST(Target, HasAsManyMarkersAsItsDictionary) {
+  const auto board = [](int rows) {
+    return fmt::format(
+        "plenocal: 1\ntype: charuco\ncolumns: 10\nrows: {}\nsquare: 0.04\n"
+        "marker: 0.03\ndictionary: DICT_4X4_50\n",
+        rows);
+  };
+  EXPECT_EQ(Read(board(10)).markers.size(), 81U);
+  EXPECT_THAT(ErrorOf(board(11)), HasSubstr("expected a dictionary with the 55 markers"));
 }
 
 // Peak memory of the process, MB.

@@ -13,7 +13,8 @@ namespace TEST_FILE {
 using ::testing::HasSubstr;
 
 LatticeShift Image(double x, double sigma) {
-  return {.value = {x, 0.02, -0.1, 0.04}, .sigma = Eigen::Vector4d::Constant(sigma), .corner = 500};
+  return {
+      .value = {x, 0.02, -0.1, 0.04}, .sigma = sigma * Eigen::Vector4d(1, 1, 1, 2), .corner = 500};
 }
 
 TEST(LatticeShift, IsTheWeightedMeanOfTheImagesThatHaveOne) {

@@ -156,6 +156,14 @@ TEST(ImageCodecs, ReadPngOfAllColourTypesAndDepths) {
 }
 
 // Grey of linear light would be another.
+// Deflate needs a byte for 1032 at least.
+TEST(ImageCodecs, ReadPngOfNothingButBlack) {
+  const cv::Mat black(4000, 4000, CV_8U, cv::Scalar(0));
+  const Bytes content = Encoded(".png", black, {cv::IMWRITE_PNG_COMPRESSION, 9});
+  ASSERT_LT(content.size(), black.total() / 950);
+  ExpectReadAsByOpenCv(content, "black");
+}
+
 TEST(ImageCodecs, LeaveGammaTransparencyAndProfilesOfPngOutOfAccount) {
   const std::string gamma = Chunk("gAMA" + Number(100000)), profile = Chunk("iCCPx");
   for (const auto& [type, transparent] : std::vector<std::pair<int, std::string>>{

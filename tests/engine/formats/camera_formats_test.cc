@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -170,6 +171,35 @@ TEST_F(CameraFiles, HoldTheRig) {
       EXPECT_LT((found.R - expected.R).norm(), ToleranceOf(format)) << c;
       EXPECT_LT((found.t - expected.t).norm(), ToleranceOf(format)) << c;
     }
+  }
+}
+
+// b1 is f_x - f_y, whose last digits are lost where f_x is added again.
+TEST_F(CameraFiles, OfMetashapeHoldEveryDigit) {
+  const CameraFormat& format = *FindCameraFormat("metashape", "");
+  for (int i = 0; i < 50; ++i) {
+    CalibratedCamera camera = Example(format, *FindModel(CameraModels(), "pinhole-radtan"), "a");
+    camera.params[0] = 500.1 + 1e-4 * i;
+    camera.params[1] = 300.7 + i / 3.0;
+    EXPECT_EQ(ThereAndBack(format, {camera})[0].params, camera.params) << i;
+  }
+}
+
+TEST_F(CameraFiles, OfBasaltHaveAPoseAndASizeOfEachLens) {
+  const CameraFormat& format = *FindCameraFormat("basalt", "");
+  const auto example = [&](const char* name) {
+    return Example(format, *FindModel(CameraModels(), "double-sphere"), name);
+  };
+  const auto file = nlohmann::json::parse(format.write({example("a"), example("b")}));
+  const auto read = [&](const char* shortened) {
+    auto changed = file;
+    if (*shortened != 0) changed["value0"][shortened].erase(1);
+    const auto path = Write("basalt.json", changed.dump());
+    return testing::RefusalOf([&] { ReadCameraFile(format, {.path = path, .image_size = {}}); });
+  };
+  EXPECT_EQ(read(""), "no refusal");
+  for (const char* key : {"T_imu_cam", "resolution", "intrinsics"}) {
+    EXPECT_THAT(read(key), HasSubstr("expected as many 'T_imu_cam' and 'resolution'")) << key;
   }
 }
 
