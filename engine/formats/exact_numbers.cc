@@ -31,9 +31,4 @@ double Inverted(double value, double guess, const std::function<double(double)>&
   return guess;
 }
 
-double OffsetFromMiddle(double c, int length) {
-  const double middle = length / 2.0;
-  return Inverted(c, c - middle, [&](double offset) { return middle + offset; });
-}
-
 }  // namespace plenocal

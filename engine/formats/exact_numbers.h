@@ -15,11 +15,9 @@ std::string RealText(double value);
 /// The texts of several numbers, ", " between.
 std::string RealList(std::span<const double> values);
 
-/// The number that `forward` maps to `value` exactly, looked for about `guess`: undoing a scale or
-/// an offset by the inverse operation loses the last digit. `guess` when there is none.
+/// The number that `forward` maps to `value` exactly, looked for about `guess`: undoing several
+/// operations by their inverses loses the last digit (one alone is undone exactly by its inverse
+/// where any number undoes it). `guess` when there is none.
 double Inverted(double value, double guess, const std::function<double(double)>& forward);
-
-/// The offset that gives `c` back when it is added to the middle of an image of this length, px.
-double OffsetFromMiddle(double c, int length);
 
 }  // namespace plenocal

@@ -11,7 +11,6 @@
 
 #include "assess/convert.h"
 #include "calib/base/format_error.h"
-#include "engine/formats/exact_numbers.h"
 #include "models/registry.h"
 
 namespace plenocal {
@@ -209,10 +208,8 @@ CalibratedCamera FromLens(const Lens& lens,
                           const LensTable& table,
                           const std::string& where) {
   Lens from_zero = lens;
-  for (double* const coordinate : {&from_zero.c_x, &from_zero.c_y}) {
-    const auto forward = [&](double x) { return x + table.first_pixel; };
-    *coordinate = Inverted(*coordinate, *coordinate - table.first_pixel, forward);
-  }
+  from_zero.c_x -= table.first_pixel;
+  from_zero.c_y -= table.first_pixel;
   std::vector<std::string_view> names;
   for (const LensForm& form : table.forms) {
     if (!Holds(names, form.name)) names.push_back(form.name);

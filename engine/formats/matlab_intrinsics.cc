@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "calib/base/format_error.h"
-#include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/lenses/stretched_fisheye.h"
 
@@ -58,13 +57,12 @@ std::vector<MatlabArgument> ToMatlab(const CalibratedCamera& camera) {
   }
   const Lens lens = ToLens(camera, MatlabLenses());
   const std::vector<double>& k = lens.coefficients;
-  const double skew = Inverted(k[5], k[5] * lens.f_x, [&](double x) { return x / lens.f_x; });
   return {{"FocalLength", 1, {lens.f_x, lens.f_y}},
           {"PrincipalPoint", 1, {lens.c_x, lens.c_y}},
           size,
           {"RadialDistortion", 1, {k[0], k[1], k[4]}},
           {"TangentialDistortion", 1, {k[2], k[3]}},
-          {"Skew", 1, {skew}}};
+          {"Skew", 1, {k[5] * lens.f_x}}};
 }
 
 CalibratedCamera FromMatlab(const ReadMatlabArgument& read,
@@ -75,12 +73,9 @@ CalibratedCamera FromMatlab(const ReadMatlabArgument& read,
     const std::vector<double> a = read(kMatlabFisheye, 4, 4);
     const std::vector<double> centre = read("DistortionCenter", 2, 2);
     const std::vector<double> stretch = read("StretchMatrix", 4, 4);
-    const auto from_zero = [](double c) {
-      return Inverted(c, c - kMatlabPixel, [](double x) { return x + kMatlabPixel; });
-    };
     return FromStretched({{a[0], a[1], a[2], a[3]},
                           Eigen::Map<const Eigen::Matrix2d>(stretch.data()),
-                          {from_zero(centre[0]), from_zero(centre[1])}},
+                          {centre[0] - kMatlabPixel, centre[1] - kMatlabPixel}},
                          size,
                          where);
   }

@@ -99,7 +99,7 @@ std::string AliceIntrinsic(const CalibratedCamera& camera, size_t id) {
       RealText(focal),
       RealText(focal),
       RealText(ratio),
-      TextList(std::array{OffsetFromMiddle(lens.c_x, w), OffsetFromMiddle(lens.c_y, h)}),
+      TextList(std::array{lens.c_x - w / 2.0, lens.c_y - h / 2.0}),
       TextList(lens.coefficients),
       circle);
 }

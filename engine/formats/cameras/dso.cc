@@ -8,7 +8,6 @@
 
 #include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
-#include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
 #include "engine/formats/word_lines.h"
 
@@ -62,8 +61,7 @@ std::vector<CalibratedCamera> ReadDso(const CameraSource& source) {
     for (size_t i = 0; i < 4; ++i) {
       const double extent = size[i % 2];
       const double offset = i < 2 ? 0 : kShift;
-      values[i] = Inverted(
-          values[i], values[i] * extent - offset, [&](double x) { return (x + offset) / extent; });
+      values[i] = values[i] * extent - offset;
     }
   }
   return {FromLens(LensOfNumbers(lens.words[0], values), size, DsoLenses(), lens.where)};

@@ -10,7 +10,6 @@
 
 #include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
-#include "engine/formats/exact_numbers.h"
 #include "engine/formats/xml_file.h"
 #include "models/registry.h"
 
@@ -105,8 +104,7 @@ double ReadParam(const ModelXml& xml, const Param& param) {
   // Distortion may be left out there.
   const bool absent = param.neutral && !xml.Has(place.group, place.child);
   const double given = absent ? 0 : xml.ReadNumber(place.group, place.child);
-  const double value =
-      Inverted(given, given / place.scale, [&](double x) { return x * place.scale; });
+  const double value = given / place.scale;
   if (!(value > param.lower && value < param.upper)) {
     xml.Fail(fmt::format("<{}>: {} is out of bounds", place.group, given));
   }
@@ -124,9 +122,7 @@ std::vector<CalibratedCamera> ReadLifcal(const CameraSource& source) {
     return xml.Pixels(xml.Text("ImageSize", side), fmt::format("<ImageSize><{}>", side));
   };
   camera.image_size = {pixels("Width"), pixels("Height")};
-  const double pixel_mm = xml.ReadNumber("PixelSize");
-  camera.config = {
-      Inverted(pixel_mm, pixel_mm / kMillimetres, [](double x) { return x * kMillimetres; })};
+  camera.config = {xml.ReadNumber("PixelSize") / kMillimetres};
   for (const Param& param : camera.model->params) camera.params.push_back(ReadParam(xml, param));
   return {camera};
 }

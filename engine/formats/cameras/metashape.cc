@@ -73,11 +73,10 @@ std::string WriteMetashape(const std::vector<CalibratedCamera>& cameras) {
   } else {
     lens = ToLens(camera, MetashapeLenses());
     add("f", lens.f_y);
-    add("cx", OffsetFromMiddle(lens.c_x, camera.image_size[0]));
-    add("cy", OffsetFromMiddle(lens.c_y, camera.image_size[1]));
-    add("b1", Inverted(lens.f_x, lens.f_x - lens.f_y, [&](double x) { return lens.f_y + x; }));
-    double& skew = lens.coefficients.back();
-    skew = Inverted(skew, skew * lens.f_x, [&](double x) { return x / lens.f_x; });
+    add("cx", lens.c_x - camera.image_size[0] / 2.0);
+    add("cy", lens.c_y - camera.image_size[1] / 2.0);
+    add("b1", lens.f_x - lens.f_y);
+    lens.coefficients.back() *= lens.f_x;  // the skew
     for (size_t i = 0; i < kElements.size(); ++i) add(kElements[i], lens.coefficients[i]);
   }
   return fmt::format(

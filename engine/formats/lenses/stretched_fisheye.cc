@@ -57,13 +57,9 @@ StretchedFisheye ToStretched(const CalibratedCamera& camera,
   const Lens lens = ToLens(camera, ScaramuzzaLenses(tool));
   StretchedFisheye fisheye;
   const double a_0 = unit == 0 ? lens.f_x : lens.f_y;
-  const auto ratio = [&](double f) {
-    return Inverted(f, f / a_0, [&](double x) { return a_0 * x; });
-  };
-  fisheye.stretch(0, 0) = ratio(lens.f_x);
-  fisheye.stretch(1, 1) = ratio(lens.f_y);
-  const double width = fisheye.stretch(0, 0), skew = lens.coefficients[3];
-  fisheye.stretch(0, 1) = Inverted(skew, skew * width, [&](double x) { return x / width; });
+  fisheye.stretch(0, 0) = lens.f_x / a_0;
+  fisheye.stretch(1, 1) = lens.f_y / a_0;
+  fisheye.stretch(0, 1) = lens.coefficients[3] * fisheye.stretch(0, 0);
   fisheye.centre = {lens.c_x, lens.c_y};
   fisheye.a[0] = a_0;
   double power = 1;

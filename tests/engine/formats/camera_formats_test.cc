@@ -174,17 +174,6 @@ TEST_F(CameraFiles, HoldTheRig) {
   }
 }
 
-// b1 is f_x - f_y, whose last digits are lost where f_x is added again.
-TEST_F(CameraFiles, OfMetashapeHoldEveryDigit) {
-  const CameraFormat& format = *FindCameraFormat("metashape", "");
-  for (int i = 0; i < 50; ++i) {
-    CalibratedCamera camera = Example(format, *FindModel(CameraModels(), "pinhole-radtan"), "a");
-    camera.params[0] = 500.1 + 1e-4 * i;
-    camera.params[1] = 300.7 + i / 3.0;
-    EXPECT_EQ(ThereAndBack(format, {camera})[0].params, camera.params) << i;
-  }
-}
-
 TEST_F(CameraFiles, OfBasaltHaveAPoseAndASizeOfEachLens) {
   const CameraFormat& format = *FindCameraFormat("basalt", "");
   const auto example = [&](const char* name) {
