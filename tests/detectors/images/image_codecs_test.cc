@@ -26,6 +26,7 @@ namespace plenocal {
 namespace TEST_FILE {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Bytes = std::vector<std::uint8_t>;
 constexpr int kWide = 37, kHigh = 23;
 
@@ -162,6 +163,16 @@ TEST(ImageCodecs, ReadPngOfNothingButBlack) {
   const Bytes content = Encoded(".png", black, {cv::IMWRITE_PNG_COMPRESSION, 9});
   ASSERT_LT(content.size(), black.total() / 950);
   ExpectReadAsByOpenCv(content, "black");
+  const auto of_rows = [](std::uint32_t rows) {
+    const std::string file =
+        "\x89PNG\r\n\x1a\n" +
+        Chunk("IHDR" + Number(1032) + Number(rows) + std::string("\x8\0\0\0", 5)) + Chunk("IDATx") +
+        Chunk("IEND");
+    return Bytes(file.begin(), file.end());
+  };
+  const auto size = static_cast<std::uint32_t>(of_rows(1).size());
+  EXPECT_THAT(Defect(of_rows(size)), Not(HasSubstr("bytes can hold")));
+  EXPECT_THAT(Defect(of_rows(size + 1)), HasSubstr("bytes can hold"));
 }
 
 TEST(ImageCodecs, LeaveGammaTransparencyAndProfilesOfPngOutOfAccount) {
