@@ -346,8 +346,9 @@ MicroImage FitMicroImage(const ModelledImage& scene,
     fit.gain += change[2];
     fit.gradient += change.segment<2>(3);
     fit.scale += change[5];
+    // The logarithm of a negative size is not a number.
     if ((fit.centre - start.centre).norm() > kMostMove ||
-        std::abs(std::log2(fit.scale)) > kMostDoublings) {
+        !(std::abs(std::log2(fit.scale)) <= kMostDoublings)) {
       return start;
     }
   }

@@ -118,6 +118,23 @@ TEST(FitMicroImage, HasNoSigmaWhereThereIsNoMicroImage) {
   EXPECT_TRUE(fit.centre_sigma == 0 || std::abs(fit.gain) < 2) << fit.gain;
 }
 
+// The image is the model less twice its derivative by the size: a first step of -2.
+TEST(FitMicroImage, IsNoneOfANegativeSize) {
+  const RadialProfile profile = TrueProfile();
+  const MicroImage start{.centre = {20, 20}, .gain = kGain};
+  cv::Mat light = cv::Mat::zeros(41, 41, CV_32F), white(41, 41, CV_32F);
+  AddLight(profile, start, &light);
+  for (int y = 0; y < white.rows; ++y) {
+    for (int x = 0; x < white.cols; ++x) {
+      const double r = std::hypot(x - 20, y - 20), by_size = -kGain * profile.At(r).slope * r;
+      white.at<float>(y, x) = light.at<float>(y, x) + static_cast<float>(-2 * by_size);
+    }
+  }
+  const MicroImage fit = FitMicroImage({white, light}, profile, kPitch / 2, start);
+  EXPECT_EQ(fit.centre_sigma, 0);
+  EXPECT_EQ(fit.scale, 1);
+}
+
 TEST(RingResiduals, AreZeroForACompleteModel) {
   const RadialProfile profile = TrueProfile();
   const MicroImage image{.centre = {20.2, 20.4}, .gain = kGain};
