@@ -401,14 +401,17 @@ class Predictor {
                          MillimetresText(part));
     };
     if (at.z.noise * at.z.noise > half) {
-      const double frames = std::pow(at.z.noise / at.z.calibration, 2);
+      constexpr double kMostAveraged = 1e4;  // nobody records more of one pose
+      const double frames = std::ceil(std::pow(at.z.noise / at.z.calibration, 2));
       Add({.code = "accuracy_noise",
            .grade = Grade::kGood,
            .what = words(at.z.noise, "noise"),
            .remedy = fmt::format(
-               "Average frames of what is at rest: {:.0f} bring noise down to the share of "
-               "the calibration. Or {}.",
-               std::ceil(frames),
+               "Average frames of what is at rest{}. Or {}.",
+               frames <= kMostAveraged
+                   ? fmt::format(": {:.0f} bring noise down to the share of the calibration",
+                                 frames)
+                   : "",
                made_.cameras.size() > 1 ? "use a longer base" : "come nearer")});
     } else if (at.z.calibration * at.z.calibration > half) {
       Add({.code = "accuracy_calibration",

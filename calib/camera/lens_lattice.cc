@@ -502,7 +502,11 @@ Vector2d SmoothLattice::Coordinates(const Vector2d& position) const {
 
 std::vector<LatticeNode> SmoothLattice::NodesInside(std::span<const LatticeMeasurement> measured,
                                                     ImageSize image_size,
-                                                    double margin) const {
+                                                    double margin,
+                                                    double cell) const {
+  constexpr double kMostPerCell = 4;
+  const double most =
+      kMostPerCell * (image_size[0] + 2 * margin) * (image_size[1] + 2 * margin) / cell;
   // Outward from what was measured, so that a polynomial that folds back far outside does no harm.
   std::set<LatticeNode> inside, seen;
   std::deque<LatticeNode> front;
@@ -514,6 +518,9 @@ std::vector<LatticeNode> SmoothLattice::NodesInside(std::span<const LatticeMeasu
     front.pop_front();
     if (!IsInside(Position(node.column, node.row), image_size, margin)) continue;
     inside.insert(node);
+    if (!(static_cast<double>(inside.size()) <= most)) {
+      throw JobError("the micro images found make no lattice; record an even white field");
+    }
     for (const LatticeNode& step : LatticeNeighbours(LatticeKind::kHexagonal)) {
       if (seen.insert(node + step).second) front.push_back(node + step);
     }

@@ -95,11 +95,13 @@ class SmoothLattice {
   [[nodiscard]] std::array<Eigen::Matrix2d, 2> SecondDerivatives(double column, double row) const;
   /// The lattice coordinates at a place in the image.
   [[nodiscard]] Eigen::Vector2d Coordinates(const Eigen::Vector2d& position) const;
-  /// The `measured` nodes and all within the image that continue them, sorted by row and
-  /// column.
+  /// The `measured` nodes and all within the image and `margin` px around it that continue them,
+  /// sorted by row and column. Throws `Error` of kind kJob where these are four times as many as
+  /// cells of `cell` px^2 that the image has room for: the fit is none, as to nodes of one line.
   [[nodiscard]] std::vector<LatticeNode> NodesInside(std::span<const LatticeMeasurement> measured,
                                                      ImageSize image_size,
-                                                     double margin = 0) const;
+                                                     double margin,
+                                                     double cell) const;
   [[nodiscard]] int Degree() const { return degree_; }
   /// Robust standard deviation per coordinate of a measurement of sigma 1 about the lattice.
   [[nodiscard]] double Sigma() const { return sigma_; }

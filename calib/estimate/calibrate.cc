@@ -13,6 +13,7 @@
 #include "calib/estimate/rig_rigidity.h"
 #include "calib/estimate/solve.h"
 #include "calib/estimate/start_bundle.h"
+#include "calib/files/checks/transform_keys.h"
 #include "calib/noise/camera_noise.h"
 #include "calib/noise/frame_scatter.h"
 #include "calib/noise/repeated_pose.h"
@@ -225,6 +226,18 @@ void AddSystematicErrors(const SolveOptions& options, Calibration* calibration) 
   ScaleByScatter(factors, &calibration->uncertainty);
 }
 
+// Throws where a camera has left the rig, so that its result could not be read again.
+void RequireCamerasOnRig(const Bundle& bundle) {
+  for (const BundleCamera& camera : bundle.cameras) {
+    const double distance = camera.T_camera_rig.t.cwiseAbs().maxCoeff();
+    if (distance < kFarthestPart) continue;
+    throw JobError(
+        "camera '{}' would be {:.1g} m from the rig: its points do not determine its place",
+        camera.name,
+        distance);
+  }
+}
+
 void AddFindings(const BundleGuess& guess, Calibration* calibration) {
   std::vector<Finding>& findings = calibration->findings;
   for (size_t c = 0; c < guess.cameras.size(); ++c) {
@@ -281,6 +294,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   enter("bundle adjustment");
   SolveRig(input, solve, options.threads, &guess, &calibration);
   SetByOthers(&calibration.bundle);
+  RequireCamerasOnRig(calibration.bundle);
 
   enter("uncertainty");
   calibration.findings = JudgeLinks(guess.findings, calibration.bundle, calibration.uncertainty);

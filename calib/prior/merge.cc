@@ -22,6 +22,23 @@ namespace {
   throw InputError("{}: {}", record.path.string(), what);
 }
 
+// Calibrations that contradict each other by far may have a mean that no camera has.
+void RequireWithinBounds(const CalibratedCamera& merged) {
+  for (size_t i = 0; i < merged.params.size(); ++i) {
+    const Param& param = merged.model->params[i];
+    if (merged.params[i] > param.lower && merged.params[i] < param.upper) continue;
+    throw JobError(
+        "camera '{}': the calibrations differ so much that together they have {} = {:.6g} {}, which "
+        "is outside ({}, {}); leave the wrong one out",
+        merged.name,
+        param.name,
+        merged.params[i],
+        param.unit,
+        param.lower,
+        param.upper);
+  }
+}
+
 // One of the calibrations; `cameras` are indices of its cameras among all.
 struct MergePart {
   const CalibrationRecord* record = nullptr;
@@ -383,6 +400,7 @@ class Merger {
                             .params = camera.params,
                             .covariance = {},
                             .T_camera_rig = *LastPlace(camera).T_camera_rig};
+    RequireWithinBounds(merged);
     const auto count = static_cast<Eigen::Index>(camera.params.size());
     merged.covariance = Eigen::MatrixXd::Zero(count, count);
     for (Eigen::Index i = 0; i < count; ++i) {

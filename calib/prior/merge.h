@@ -57,9 +57,9 @@ struct MergeOptions {
 
 /// The parameters and extrinsics that fit several independent calibrations best, each with its
 /// covariance (generalised least squares, by Gauss and Newton). Cameras are the same by their
-/// names. Throws `Error` of kind kInput for one without standard errors, cameras of different
+/// names. Throws `Error`: of kind kInput for one without standard errors, cameras of different
 /// models, sizes, constants or fixed parameters, cameras whose mutual pose follows from none, and
-/// unknown names in `options`.
+/// unknown names in `options`; of kind kJob where no camera can have the result.
 /// REQUIRES: at least one; `correlations` of each are set where there are any.
 MergedCalibrations MergeCalibrations(std::span<const CalibrationRecord> calibrations,
                                      const MergeOptions& options);

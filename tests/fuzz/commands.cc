@@ -223,7 +223,8 @@ void RequireNumbers(const std::string& name, const std::string& text) {
       if (word == "nan" || word == "NaN" ||
           (infinite && name != "console" && !(in_sigmas && name.ends_with(".yaml")) &&
            !MayBeInfinite(name, line, column < header.size() ? header[column] : ""))) {
-        throw std::logic_error(fmt::format("{} has '{}': {}", name, word, line.substr(0, 500)));
+        throw std::logic_error(fmt::format(
+            "{} has '{}': {}", name, word, line.substr(at - std::min<size_t>(at, 250), 500)));
       }
       at += word.size() - 1;
     }

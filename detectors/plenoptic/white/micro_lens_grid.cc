@@ -210,7 +210,8 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   MicroImages images(white, *basis, threads);
   MicroImages::Types types;
   const auto place = [&] {
-    const std::vector<LatticeNode> inside = lattice.NodesInside(measurements, size, pitch);
+    const std::vector<LatticeNode> inside =
+        lattice.NodesInside(measurements, size, pitch, std::abs(basis->determinant()));
     std::vector<Vector2d> centres = Positions(lattice, inside);
     images.Place(inside, centres, LocalMaps(lattice, BasisInMiddle(lattice, size), inside));
     return centres;

@@ -193,6 +193,9 @@ TEST(Accuracy, NamesTheLargestPartAndHowToLowerIt) {
   // (1 / 0.4)^2 = 6.25 frames.
   EXPECT_THAT(noisy.findings[0].remedy, HasSubstr("Average frames of what is at rest: 7 bring"));
   EXPECT_THAT(noisy.findings[0].remedy, HasSubstr("use a longer base"));
+  const RigAccuracy exact = find(0);
+  EXPECT_THAT(CodesOf(exact), ElementsAre("accuracy_noise"));
+  EXPECT_EQ(exact.findings[0].remedy, "Average frames of what is at rest. Or use a longer base.");
   const RigAccuracy uncertain = find(noise);
   EXPECT_THAT(CodesOf(uncertain), ElementsAre("accuracy_calibration"));
   EXPECT_THAT(uncertain.findings[0].what, HasSubstr(", of which the calibration makes 7.1 mm."));

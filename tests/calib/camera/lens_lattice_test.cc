@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/camera/lens_lattice.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -11,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "tests/calib/random.h"
+#include "tests/refusal.h"
 
 namespace plenocal {
 namespace TEST_FILE {
@@ -250,11 +253,24 @@ TEST(LensLattice, GoesOnToTheImagesEdges) {
     if ((m.position - Eigen::Vector2d(150, 120)).norm() < 100) measured.push_back(m);
   }
   ASSERT_LT(measured.size(), all.size());
+  const double cell = std::abs(kHexagonal.determinant());
   const SmoothLattice lattice = SmoothLattice::Fit(measured);
-  const std::vector<LatticeNode> inside = lattice.NodesInside(measured, kSize);
+  const std::vector<LatticeNode> inside = lattice.NodesInside(measured, kSize, 0, cell);
   ASSERT_EQ(inside.size(), all.size());
   for (size_t i = 0; i < inside.size(); ++i) EXPECT_EQ(inside[i], all[i].node) << "by rows";
-  EXPECT_GT(lattice.NodesInside(measured, kSize, 15).size(), all.size() + 20);
+  EXPECT_GT(lattice.NodesInside(measured, kSize, 15, cell).size(), all.size() + 20);
+}
+
+// The rows of nodes of one row are anywhere: infinitely many lie in the image.
+TEST(LensLattice, OfOneRowIsRefused) {
+  std::vector<LatticeMeasurement> nodes;
+  for (int i = 0; i < 12; ++i) {
+    nodes.push_back({.node = {i, 0}, .position = Straight(kHexagonal, i, 0)});
+  }
+  const SmoothLattice lattice = SmoothLattice::Fit(nodes);
+  EXPECT_THAT(testing::RefusalOf([&] { (void)lattice.NodesInside(nodes, kSize, 15, 200); },
+                                 ErrorKind::kJob),
+              ::testing::HasSubstr("make no lattice"));
 }
 
 }  // namespace TEST_FILE

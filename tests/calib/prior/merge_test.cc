@@ -341,6 +341,20 @@ TEST(Merge, RefusesOtherFixedParameters) {
             "a.yaml: left.c_y is fixed at 240, elsewhere estimated as 241; calibrate it alike");
 }
 
+// The second has c_x 600 px farther to the right, by which the first one's f_x falls by as much.
+TEST(Merge, RefusesAMeanThatNoCameraHas) {
+  std::vector<CalibrationRecord> parts{
+      Plain("a.yaml",
+            {{.name = "left", .params = {500, 400, 320, 240}, .sigmas = {100, 2, 100, 0}}}),
+      Plain("b.yaml",
+            {{.name = "left", .params = {500, 400, 920, 240}, .sigmas = {1e5, 2, 0.01, 0}}})};
+  Eigen::MatrixXd& covariance = parts[0].cameras[0].covariance;
+  covariance(0, 2) = covariance(2, 0) = -0.9999 * 100 * 100;
+  EXPECT_THAT(RefusalOf([&] { (void)MergeCalibrations(parts, {}); }, ErrorKind::kJob),
+              HasSubstr("camera 'left': the calibrations differ so much that together they have "
+                        "f_x = -99.9"));
+}
+
 TEST(Merge, RefusesOtherSizesAndConstants) {
   std::vector<CalibrationRecord> parts = TwoOfOneCamera();
   parts[1].cameras[0].image_size = {320, 200};
