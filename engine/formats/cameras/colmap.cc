@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cmath>
 #include <map>
 #include <numbers>
 
@@ -120,7 +121,9 @@ void ModelText::AddCamera(const CalibrationRecord& calibration,
                             rows[i]->marker);
       Track& track = tracks[rows[i]->marker];
       track.images += fmt::format(" {} {}", image_count, i);
-      track.sum_errors += rows[i]->Error().norm();
+      const double error = rows[i]->Error().norm();
+      if (!std::isfinite(error)) continue;  // not imaged
+      track.sum_errors += error;
       ++track.count;
     }
     images += "\n";
@@ -128,6 +131,7 @@ void ModelText::AddCamera(const CalibrationRecord& calibration,
 }
 
 std::string ModelText::Points(const CalibrationRecord& calibration) const {
+  constexpr double kUnknownError = -1;  // COLMAP's
   std::string text =
       "# 3D point list with one line of data per point:\n"
       "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
@@ -136,7 +140,7 @@ std::string ModelText::Points(const CalibrationRecord& calibration) const {
     text += fmt::format("{} {} 128 128 128 {}{}\n",
                         marker,
                         BlankSeparated(std::array{p.x(), p.y(), p.z()}),
-                        RealText(track.sum_errors / track.count),
+                        RealText(track.count > 0 ? track.sum_errors / track.count : kUnknownError),
                         track.images);
   }
   return text;
