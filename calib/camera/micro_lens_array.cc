@@ -78,7 +78,8 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   // The determinant of a hexagonal lattice is sqrt(3)/2 of the lengths' product, of a rectangular
   // one all of it.
   const double product = array->e_column.norm() * array->e_row.norm();
-  if (!(std::isfinite(product) && std::abs(basis.determinant()) > 0.5 * product)) {
+  const int longer = std::max(array->image_size[0], array->image_size[1]);
+  if (!(array->Pitch() < longer && std::abs(basis.determinant()) > 0.5 * product)) {
     throw InputError("{}: rows and columns do not belong to the centres", path.string());
   }
 }
