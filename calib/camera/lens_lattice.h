@@ -96,8 +96,8 @@ class SmoothLattice {
   /// The lattice coordinates at a place in the image.
   [[nodiscard]] Eigen::Vector2d Coordinates(const Eigen::Vector2d& position) const;
   /// The `measured` nodes and all within the image and `margin` px around it that continue them,
-  /// sorted by row and column. Throws `Error` of kind kJob where these are four times as many as
-  /// cells of `cell` px^2 that the image has room for: the fit is none, as to nodes of one line.
+  /// sorted by row and column. Throws `Error` of kind kJob for more than four times as many as
+  /// cells of `cell` px^2 fill that area: nodes of one row leave the other lattice vector open.
   [[nodiscard]] std::vector<LatticeNode> NodesInside(std::span<const LatticeMeasurement> measured,
                                                      ImageSize image_size,
                                                      double margin,

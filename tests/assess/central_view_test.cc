@@ -85,7 +85,7 @@ TEST(CentralView, StatesTheTargetsDistanceAndTheErrorAtOthers) {
   EXPECT_NEAR(view.LargestError(), 211 * z_p * std::sin(theta), 0.1 * view.LargestError());
 }
 
-TEST(CentralView, SaysWhereItIsExactAndHowFarOffElsewhere) {
+TEST(CentralView, ReportsItsDistanceAndTheErrorAtOthers) {
   const CalibrationRecord record = WithPupil(0.004);
   std::string messages;
   const plenocal::Run run{

@@ -261,7 +261,7 @@ TEST(LensLattice, GoesOnToTheImagesEdges) {
   EXPECT_GT(lattice.NodesInside(measured, kSize, 15, cell).size(), all.size() + 20);
 }
 
-// The rows of nodes of one row are anywhere: infinitely many lie in the image.
+// One row leaves the other lattice vector open: infinitely many nodes lie in the image.
 TEST(LensLattice, OfOneRowIsRefused) {
   std::vector<LatticeMeasurement> nodes;
   for (int i = 0; i < 12; ++i) {

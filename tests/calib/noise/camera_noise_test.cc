@@ -38,6 +38,21 @@ void AssumeSigmas(double sigma, Bundle* bundle) {
   for (BundleObservation& observation : bundle->observations) observation.assumed_sigma = sigma;
 }
 
+// `count` replicates of each observation, whose errors are `common` to them and their `own`.
+void Replicate(int count, double common, double own, Random* random, Bundle* bundle) {
+  std::vector<BundleObservation> replicates;
+  for (const BundleObservation& observation : bundle->observations) {
+    const double shared[2] = {random->Gaussian(common), random->Gaussian(common)};
+    for (int n = 0; n < count; ++n) {
+      replicates.push_back(observation);
+      for (size_t r = 0; r < 2; ++r) {
+        replicates.back().seen.values[r] += shared[r] + random->Gaussian(own);
+      }
+    }
+  }
+  bundle->observations = replicates;
+}
+
 TEST(CameraNoise, CorrectsSigmasThatAreWrongByAFactor) {
   for (const double wrong : {0.3, 1.0, 4.0}) {
     Bundle bundle = ExactBundle(10);
@@ -92,18 +107,7 @@ TEST(CameraNoise, SeparatesTheErrorThatReplicatesShare) {
   for (const double common : {0.0, 0.3}) {
     Bundle bundle = ExactBundle(10);
     Random random(3);
-    // Five replicates of each observation with one error for all of them.
-    std::vector<BundleObservation> replicates;
-    for (const BundleObservation& observation : bundle.observations) {
-      const double shared[2] = {random.Gaussian(common), random.Gaussian(common)};
-      for (int n = 0; n < 5; ++n) {
-        replicates.push_back(observation);
-        for (size_t r = 0; r < 2; ++r) {
-          replicates.back().seen.values[r] += shared[r] + random.Gaussian(kOwn);
-        }
-      }
-    }
-    bundle.observations = replicates;
+    Replicate(5, common, kOwn, &random, &bundle);
     AssumeSigmas(kOwn, &bundle);
     const NoiseModel noise = EstimateCameraNoise(bundle, 0, {});
     EXPECT_NEAR(noise.OwnSigma(kOwn), kOwn, kTolerance * kOwn);
@@ -117,29 +121,19 @@ TEST(CameraNoise, IsOneForAllWhereFewMarkersAreReplicated) {
   Bundle bundle = ExactBundle(1);
   bundle.observations.resize(20);
   Random random(3);
-  std::vector<BundleObservation> replicates;
-  for (const BundleObservation& observation : bundle.observations) {
-    const double shared[2] = {random.Gaussian(0.3), random.Gaussian(0.3)};
-    for (int n = 0; n < 10; ++n) {
-      replicates.push_back(observation);
-      for (size_t r = 0; r < 2; ++r) {
-        replicates.back().seen.values[r] += shared[r] + random.Gaussian(kOwn);
-      }
-    }
-  }
-  bundle.observations = replicates;
+  Replicate(10, 0.3, kOwn, &random, &bundle);
   AssumeSigmas(kOwn, &bundle);
   const NoiseModel noise = EstimateCameraNoise(bundle, 0, {});
   EXPECT_EQ(noise.common_sigma, 0);
   double squares = 0;
   const Bundle exact = ExactBundle(1);
-  for (size_t i = 0; i < replicates.size(); ++i) {
+  for (size_t i = 0; i < bundle.observations.size(); ++i) {
     for (size_t r = 0; r < 2; ++r) {
-      squares +=
-          std::pow(replicates[i].seen.values[r] - exact.observations[i / 10].seen.values[r], 2);
+      squares += std::pow(
+          bundle.observations[i].seen.values[r] - exact.observations[i / 10].seen.values[r], 2);
     }
   }
-  const double rms = std::sqrt(squares / (2 * static_cast<double>(replicates.size())));
+  const double rms = std::sqrt(squares / (2 * static_cast<double>(bundle.observations.size())));
   EXPECT_NEAR(noise.Sigma(kOwn), rms, 1e-6);
 }
 

@@ -39,7 +39,7 @@ TEST(CommonErrors, NamesAnErrorThatAllPointsShareAndNoSinglePointShows) {
 }
 
 // One error u and one point: z' (I + b b')^-1 z = |z|^2 - (b'z)^2 / (1 + |b|^2).
-TEST(CommonErrors, OfOneSharedErrorAreTestedWithout) {
+TEST(CommonErrors, OfOneUnknownHaveTheChiSquareOfTheirCovariance) {
   SpacePoint point;
   point.misses.resize(3);
   point.misses_by_calibration.resize(3, 1);

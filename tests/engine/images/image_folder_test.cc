@@ -81,7 +81,7 @@ class ResampledFolder : public testing::InTemporaryFolder {
   plenocal::Run run_;
 };
 
-TEST_F(ResampledFolder, HasTheImagesAndTellsItsProgress) {
+TEST_F(ResampledFolder, HasTheImagesAndReportsItsProgress) {
   EXPECT_EQ(Resample(), 3U);
   EXPECT_THAT(progress_,
               ElementsAre("left: images 1 of 3", "left: images 2 of 3", "left: images 3 of 3"));
