@@ -68,8 +68,9 @@ void CheckMicroLens(const CsvReader& table, const MicroLens& lens, ImageSize ima
 
 // The lattice vectors of an array from a file; a lattice that no array has is refused.
 void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) {
+  double scatter = 0;
   try {
-    SetLatticeVectors(array);
+    scatter = SetLatticeVectors(array);
   } catch (const Error& error) {
     throw InputError("{}: {}", path.string(), error.what());
   }
@@ -79,7 +80,9 @@ void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) 
   // one all of it.
   const double product = array->e_column.norm() * array->e_row.norm();
   const int longer = std::max(array->image_size[0], array->image_size[1]);
-  if (!(array->Pitch() < longer && std::abs(basis.determinant()) > 0.5 * product)) {
+  // Odd rows that are counted from half a pitch farther scatter by a quarter of it.
+  const bool fits = scatter < array->Pitch() / 8;
+  if (!(fits && array->Pitch() < longer && std::abs(basis.determinant()) > 0.5 * product)) {
     throw InputError("{}: rows and columns do not belong to the centres", path.string());
   }
 }
@@ -97,7 +100,7 @@ bool HasTilt(const CameraModel& model) {
          std::ranges::find(model.params, "t_x", &Param::name) != model.params.end();
 }
 
-void SetLatticeVectors(MicroLensArray* array) {
+double SetLatticeVectors(MicroLensArray* array) {
   std::vector<LatticeMeasurement> measurements;
   for (const MicroLens& lens : array->lenses) {
     measurements.push_back({.node = {lens.column, lens.row}, .position = lens.centre});
@@ -108,6 +111,7 @@ void SetLatticeVectors(MicroLensArray* array) {
   const Eigen::Matrix2d basis = lattice.Basis(middle.x(), middle.y());
   array->e_column = basis.col(0);
   array->e_row = basis.col(1);
+  return lattice.Sigma();
 }
 
 std::optional<size_t> NumberLensTypes(MicroLensArray* array) {

@@ -195,15 +195,18 @@ std::string_view WordOf(std::string_view text, size_t begin) {
   return text.substr(begin, end - begin);
 }
 
-// Without the program of a page.
-std::string WithoutProgram(std::string text) {
+// Without the program of a page and its pictures, whose letters may be "nan".
+std::string WithoutProgramAndPictures(std::string text) {
   const size_t begin = text.find("<script>\"use strict\"");
   if (begin != std::string::npos) text.erase(begin, text.find("</script>", begin) - begin);
+  for (size_t at = 0; (at = text.find("base64,", at)) != std::string::npos;) {
+    text.erase(at, text.find('"', at) - at);
+  }
   return text;
 }
 
 void RequireNumbers(const std::string& name, const std::string& text) {
-  std::istringstream lines(WithoutProgram(text));
+  std::istringstream lines(WithoutProgramAndPictures(text));
   std::vector<std::string> header;
   bool in_sigmas = false;  // of YAML: lines below "sigma:"
   for (std::string line; std::getline(lines, line);) {

@@ -120,6 +120,21 @@ TEST_F(MicroLensFile, WhoseRowsAndColumnsAreNotTheLatticesIsRefused) {
   EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
 }
 
+// The lattice vectors alone are those of a rectangular lattice.
+TEST_F(MicroLensFile, WithOddRowsThatBeginHalfAPitchFartherIsRefused) {
+  MicroLensArray array = Example();
+  for (MicroLens& lens : array.lenses) lens.column += (lens.row - (lens.row & 1)) / 2;
+  Write(FormatMicroLenses(array));
+  EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
+}
+
+TEST_F(MicroLensFile, WithOneOfSevenColumnNumbersIsRefused) {
+  MicroLensArray array = Example();
+  for (MicroLens& lens : array.lenses) lens.column -= lens.column % 7;
+  Write(FormatMicroLenses(array));
+  EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
+}
+
 TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
   double last = 0;
   for (const MicroLens& lens : Example().lenses) last = std::max(last, lens.centre.x());
