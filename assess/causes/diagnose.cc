@@ -142,7 +142,8 @@ void Diagnose(const CalibrationInput& input,
       camera.views.clear();
     }
     AddCauses(CauseStage::kNoise, cameras, &findings);
-    std::optional<BentTarget> bent = FindBentTarget(ChooseFrames(calibration), input.loss, go_on);
+    std::optional<BentTarget> bent =
+        FindBentTarget(ChooseMarkers(ChooseFrames(calibration)), input.loss, go_on);
     // Motion by rows is tested on what is not the same in all frames, and it explains more than
     // half of all residuals. Images upside down do not agree with any target.
     const bool is_image = std::ranges::any_of(

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "assess/target/frame_choice.h"
 
+#include <map>
 #include <set>
 #include <string>
+#include <utility>
 
 namespace plenocal {
 namespace {
@@ -10,7 +12,10 @@ namespace {
 // What is wrong with a target is the same in all frames; so many show it.
 constexpr size_t kMostFrames = 60;
 
-size_t StepFor(size_t frames) { return 1 + (frames - 1) / kMostFrames; }
+// The time of an adjustment with free markers grows with their third power: 0.3 s for so many.
+constexpr size_t kMostMarkers = 500;
+
+size_t StepFor(size_t count, size_t most) { return 1 + (count - 1) / most; }
 
 }  // namespace
 
@@ -22,7 +27,7 @@ std::vector<CameraInput> ChooseFrames(const std::vector<CameraInput>& cameras) {
   if (names.size() <= kMostFrames) return cameras;
   size_t index = 0;
   for (const std::string& name : names) {
-    if (index++ % StepFor(names.size()) == 0) chosen.insert(name);
+    if (index++ % StepFor(names.size(), kMostFrames) == 0) chosen.insert(name);
   }
   std::vector<CameraInput> few = cameras;
   for (CameraInput& camera : few) {
@@ -33,7 +38,7 @@ std::vector<CameraInput> ChooseFrames(const std::vector<CameraInput>& cameras) {
 
 Calibration ChooseFrames(const Calibration& calibration) {
   if (calibration.frames.size() <= kMostFrames) return calibration;
-  const size_t step = StepFor(calibration.frames.size());
+  const size_t step = StepFor(calibration.frames.size(), kMostFrames);
   const size_t cameras = calibration.bundle.cameras.size();
   Calibration few;
   few.fits = calibration.fits;
@@ -64,6 +69,25 @@ Calibration ChooseFrames(const Calibration& calibration) {
     bundle.observations.back().frame /= static_cast<int>(step);
   }
   return few;
+}
+
+Calibration ChooseMarkers(Calibration calibration) {
+  Bundle& bundle = calibration.bundle;
+  if (bundle.markers.size() <= kMostMarkers) return calibration;
+  std::map<int, int> observed;  // by index: index among the chosen ones, -1 for others
+  for (const BundleObservation& o : bundle.observations) observed.emplace(o.marker, -1);
+  const size_t step = StepFor(observed.size(), kMostMarkers);
+  std::vector<BundleMarker> chosen;
+  size_t count = 0;
+  for (auto& [marker, index] : observed) {
+    if (count++ % step != 0) continue;
+    index = static_cast<int>(chosen.size());
+    chosen.push_back(bundle.markers[static_cast<size_t>(marker)]);
+  }
+  bundle.markers = std::move(chosen);
+  for (BundleObservation& o : bundle.observations) o.marker = observed.at(o.marker);
+  std::erase_if(bundle.observations, [](const BundleObservation& o) { return o.marker < 0; });
+  return calibration;
 }
 
 }  // namespace plenocal

@@ -119,5 +119,54 @@ TEST(ChooseFrames, OfACalibrationOfSixtyAreAllAndOfOneWithoutJitterHaveNone) {
   EXPECT_TRUE(few.bundle.motion.empty());
 }
 
+// Of the markers with numbers from 1000 on, those of even index have an observation in each frame.
+Calibration WithMarkers(int markers) {
+  Calibration calibration = WithFrames(2);
+  Bundle& bundle = calibration.bundle;
+  bundle.markers.clear();
+  bundle.observations.clear();
+  for (int m = 0; m < markers; ++m) {
+    const Eigen::Vector3d position(m, 0, 0), nominal(m, 1, 0);
+    bundle.markers.push_back({.number = 1000 + m, .position = position, .nominal = nominal});
+  }
+  for (int f = 0; f < 2; ++f) {
+    for (int m = 0; m < markers; m += 2) {
+      BundleObservation& seen = bundle.observations.emplace_back();
+      seen.frame = f;
+      seen.marker = m;
+    }
+  }
+  return calibration;
+}
+
+TEST(ChooseMarkers, AreAtMostFiveHundredOfTheObservedOnes) {
+  struct Case {
+    int markers, step, chosen;
+  };
+  for (const auto& [markers, step, chosen] :
+       {Case{502, 2, 251}, {1000, 2, 500}, {1002, 4, 251}, {2002, 6, 334}}) {
+    const Bundle bundle = ChooseMarkers(WithMarkers(markers)).bundle;
+    ASSERT_EQ(bundle.markers.size(), chosen) << markers;
+    for (int i = 0; i < chosen; ++i) {
+      const BundleMarker& marker = bundle.markers[static_cast<size_t>(i)];
+      EXPECT_EQ(marker.number, 1000 + step * i);
+      EXPECT_EQ(marker.position.x(), step * i);
+      EXPECT_EQ(marker.nominal.y(), 1);
+    }
+    ASSERT_EQ(bundle.observations.size(), 2 * chosen);
+    for (int o = 0; o < 2 * chosen; ++o) {
+      const BundleObservation& seen = bundle.observations[static_cast<size_t>(o)];
+      EXPECT_EQ(seen.marker, o % chosen);
+      EXPECT_EQ(seen.frame, o / chosen);
+    }
+  }
+}
+
+TEST(ChooseMarkers, AreAllOfATargetOfFiveHundred) {
+  const Bundle bundle = ChooseMarkers(WithMarkers(500)).bundle;
+  EXPECT_EQ(bundle.markers.size(), 500);
+  EXPECT_EQ(bundle.observations.size(), 500);
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal
