@@ -177,7 +177,8 @@ std::string VirtualDepthText(const std::vector<View>& views, const CameraSpec& c
       const Eigen::Map<const Eigen::Vector4d> a(seen.front()->values.data());
       const Eigen::Map<const Eigen::Vector4d> b(seen.back()->values.data());
       const Eigen::Vector2d x = a.head<2>() - b.head<2>(), centre = a.tail<2>() - b.tail<2>();
-      if (seen.size() > 1) depths.push_back(1 / (1 - x.dot(centre) / centre.squaredNorm()));
+      const double square = centre.squaredNorm();
+      if (square > 0) depths.push_back(1 / (1 - x.dot(centre) / square));
     }
   }
   if (depths.empty()) return {};

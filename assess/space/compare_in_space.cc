@@ -116,8 +116,8 @@ class SetComparison {
       each.sigma = noise > 0 ? noise : 1;
     }
     Pair pair{FitPoint(rig_a_, seen), FitPoint(rig_b_, seen)};
-    if (!(pair.a.rho > 0) || !(pair.b.rho > 0)) return std::nullopt;
-    return pair;
+    const auto is_finite = [](const SpacePoint& point) { return point.IsFound() && point.rho > 0; };
+    return is_finite(pair.a) && is_finite(pair.b) ? std::optional(pair) : std::nullopt;
   }
 
   static Eigen::MatrixXd ByErrors(const Pair& pair) {

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -122,6 +123,18 @@ TEST(CompareInSpace, LateralDifferencesAreThoseOfXAndYAlone) {
   for (const SpaceDifference& each : compared.differences) rms[each.quantity] = each.rms;
   EXPECT_GT(rms.at("lateral"), 0);
   EXPECT_LT(rms.at("lateral"), 0.6 * rms.at("z"));
+}
+
+// Half of the rays of the second calibration meet nowhere.
+TEST(CompareInSpace, LeavesOutWhatOneOfThemDoesNotMeasure) {
+  const CalibrationRecord a = UncertainPair();
+  CalibrationRecord b = a;
+  b.cameras[0].params[0] = 1e-3;
+  const SpaceComparison all = CompareInSpace(a, a, {}, {0.5}, 0.1);
+  const SpaceComparison few = CompareInSpace(a, b, {}, {0.5}, 0.1);
+  ASSERT_EQ(few.differences[0].quantity, "z");
+  EXPECT_LT(few.differences[0].points, all.differences[0].points);
+  EXPECT_TRUE(std::isfinite(few.differences[0].rms));
 }
 
 TEST(CompareInSpace, RefusesCalibrationsWithoutCommonCameras) {
