@@ -107,7 +107,7 @@ Effect EffectOn(const Calibration& held, const Calibration& free, size_t c) {
     effect.projection = difference;
   }
   const BundleCamera &a = held.bundle.cameras[c], &b = free.bundle.cameras[c];
-  for (size_t k = 0; k < a.params.size(); ++k) {
+  for (size_t k = 0; k < a.ModelParams(); ++k) {
     const std::string_view name = a.model->params[k].name;
     if (name != "f_x" && name != "f_L") continue;
     effect.focal_change =

@@ -8,6 +8,7 @@
     bench/fuzz --quick --runs 2000 --seed 1   # of .ci/run: soon built, the same inputs in every run
     bench/fuzz --commands 1000 --seed 1       # 1000 inputs for each command (tests/fuzz/commands.cc), no readers
     bench/fuzz 0 run_calibrate_stereo run_try --commands 1000   # for these alone
+    bench/fuzz --commands 1000 --assertions   # with the assertions of Eigen and the standard library (8 minutes to build)
     bench/fuzz 1 run_calibrate_stereo   # a command guided by coverage
 
 Installs Clang, builds preset `fuzz`, and starts from tests/fuzz/corpus. An input fails that crashes the reader, is read for
@@ -95,20 +96,31 @@ def fuzz(folder, reader, options, seconds):
     return int(runs[-1]), edges[-1] - edges[0], failed
 
 
-def fuzz_command(name, options):
+def build_commands(assertions):
+    """The folder of the build."""
+    folder = ROOT / "build/fuzz-assertions" if assertions else common.BUILD
+    variables = ["-DCMAKE_CXX_FLAGS_RELEASE=-O1", "-DCMAKE_CXX_FLAGS=-D_GLIBCXX_ASSERTIONS", "-DPLENOCAL_WEB=OFF",
+                 "-DPLENOCAL_WERROR=OFF"] if assertions else []
+    subprocess.run(["cmake", "--preset", "dev", "-B", folder, *variables], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["cmake", "--build", folder, "--target", "fuzz_tests"], cwd=ROOT, check=True)
+    return folder
+
+
+def fuzz_command(tests, name, options):
     """CPU seconds and failed inputs of one command."""
     failures = ROOT / "build/fuzz/failures" / name
     failures.mkdir(parents=True, exist_ok=True)
     test = f"Fuzz/EveryCommand.RunsOrRefusesChangedSessions/{name.replace('-', '_')}"
-    run = subprocess.Popen([common.BUILD / "tests/fuzz/fuzz_tests", f"--gtest_filter={test}"], stdout=subprocess.PIPE,
-                           text=True, errors="replace", env={**os.environ, "PLENOCAL_FUZZ_RUNS": str(options.commands),
-                                                             "PLENOCAL_FUZZ_SEED": str(options.seed)})
+    run = subprocess.Popen([tests, f"--gtest_filter={test}"], stdout=subprocess.PIPE, text=True, errors="replace",
+                           env={**os.environ, "PLENOCAL_FUZZ_RUNS": str(options.commands),
+                                "PLENOCAL_FUZZ_SEED": str(options.seed)})
     text = run.stdout.read()
     _, status, usage = os.wait4(run.pid, 0)
     folder = pathlib.Path(f"/dev/shm/plenocal_fuzz_{run.pid}")
     failed = [bytes.fromhex(word) for word in re.findall(r"^input: ([0-9a-f]+)$", text, re.M)]
     if (folder / "choices").exists():  # of a run that crashed
         failed.append((folder / "choices").read_bytes())
+        text += (folder / "session/console").read_text(errors="replace")
     shutil.rmtree(folder, ignore_errors=True)
     if status and not failed or "[ RUN " not in text:
         raise RuntimeError(f"{name}: {text[-2000:]}")
@@ -121,14 +133,13 @@ def fuzz_command(name, options):
 
 def fuzz_commands(names, options):
     """Failed inputs of all."""
-    subprocess.run(["cmake", "--preset", "dev"], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-    subprocess.run(["cmake", "--build", "--preset", "dev", "--target", "fuzz_tests"], cwd=ROOT, check=True)
-    tests = common.run(common.BUILD / "tests/fuzz/fuzz_tests", "--gtest_list_tests", "--gtest_filter=*EveryCommand*").stdout
-    known = sorted(set(re.findall(r"GetParam\(\) = \"([^\"]+)\"", tests)))
+    tests = build_commands(options.assertions) / "tests/fuzz/fuzz_tests"
+    listed = common.run(tests, "--gtest_list_tests", "--gtest_filter=*EveryCommand*").stdout
+    known = sorted(set(re.findall(r"GetParam\(\) = \"([^\"]+)\"", listed)))
     common.head("command", "inputs", "CPU s", "failures")
     failures = []
     with concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        results = [(name, pool.submit(fuzz_command, name, options)) for name in names or known]
+        results = [(name, pool.submit(fuzz_command, tests, name, options)) for name in names or known]
         for name, result in results:
             seconds, failed = result.result()
             common.row(name, options.commands, round(seconds), len(failed))
@@ -152,6 +163,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0, help="of libFuzzer's random numbers; 0: another one each time")
     parser.add_argument("--quick", action="store_true", help="build faster, find less")
     parser.add_argument("--commands", type=int, help="inputs for each command; no reader is fuzzed")
+    parser.add_argument("--assertions", action="store_true", help="of Eigen and the standard library, for --commands")
     options = parser.parse_args()
     if options.commands:
         finish(fuzz_commands(options.readers, options))
