@@ -225,13 +225,18 @@ Target ReadTarget(const TargetSource& source) {
 
 Target NominalTarget(const Target& target) {
   Target nominal = target;
-  if (HasNominalMarkers(target)) {
+  if (!target.unequal.empty()) {
+    nominal.markers = target.unequal;
+  } else if (HasNominalMarkers(target)) {
     nominal.markers = ReadNominal(YamlNode::Parse(target.nominal_yaml, "target")).markers;
   }
   return nominal;
 }
 
 std::vector<TargetPart> DrawTarget(const Target& target, Pieces pieces) {
+  if (!target.unequal.empty()) {
+    throw InputError("a checkerboard of unequal row and column spacing cannot be drawn");
+  }
   return std::visit([&](const auto& layout) { return layout.Draw(target.markers, pieces); },
                     target.layout);
 }

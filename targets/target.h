@@ -32,6 +32,8 @@ struct Target {
   /// The file's own keys without `markers` and `sigma` of a refinement, as YAML lines, so that a
   /// refined target keeps them. For Kalibr's file: the equivalent keys of ours.
   std::string nominal_yaml;
+  /// Nominal positions that these keys cannot state: of Kalibr's checkerboard of unequal spacings.
+  MarkerPositions unequal = {};
 };
 
 /// All target types, in a fixed order.
@@ -70,7 +72,7 @@ int PartOf(const Target& target, int marker);
 Target NominalTarget(const Target& target);
 
 /// The parts of a target with every marker at its position in `target`. Throws `Error` of kind
-/// kInput for type `markers`, which cannot be drawn.
+/// kInput for type `markers` and unequal spacings, which cannot be drawn.
 std::vector<TargetPart> DrawTarget(const Target& target, Pieces pieces = Pieces::kByPlane);
 
 /// Mistakes in the target's file that images can show, for `FindTargetCauses`.

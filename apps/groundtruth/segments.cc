@@ -98,7 +98,14 @@ LoopSegments ChooseSegments(
   segments.end =
       choice.end.empty() ? find_end(segments.start) : ReadSegment(tracks, choice.end, "--end");
   if (segments.start.back() < segments.end.front()) return segments;
-  throw InputError("the end segment begins before the start segment ends");
+  const std::string message =
+      fmt::format("the end segment begins at frame '{}', before the start segment ends at '{}'",
+                  tracks.frames[segments.end.front()],
+                  tracks.frames[segments.start.back()]);
+  if (choice.start.empty() && choice.end.empty()) {
+    throw JobError("{}; state them with --start and --end", message);
+  }
+  throw InputError("--start, --end: {}", message);
 }
 
 }  // namespace plenocal

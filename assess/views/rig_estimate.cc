@@ -40,6 +40,13 @@ void RefuseRecord(const CalibrationRecord& calibration) {
   if (!has_points) {
     throw InputError("{}: the calibration has no points (residuals.csv)", file);
   }
+  // A second camera has its extrinsics.
+  const CalibratedCamera& first = calibration.cameras[0];
+  bool is_held = calibration.cameras.size() == 1;
+  for (size_t k = 0; k < first.params.size(); ++k) is_held = is_held && first.Sigma(k) == 0;
+  if (is_held) {
+    throw InputError("{}: states no standard error, so that views have nothing to determine", file);
+  }
 }
 
 BundleCamera CameraOf(const CalibratedCamera& camera, bool is_master) {

@@ -110,6 +110,14 @@ void StartAgain(const BundleState& guess, Bundle* bundle) {
   for (BundleObservation& observation : bundle->observations) observation.used = true;
 }
 
+// Makes an initial guess the calibration's; another guess may have poses of other frames.
+void TakeGuess(BundleGuess* guess, Calibration* calibration) {
+  calibration->frames = guess->frames;
+  calibration->bundle.observations = std::move(guess->bundle.observations);
+  StartAgain(guess->bundle, &calibration->bundle);
+  calibration->left_out = guess->left_out;
+}
+
 // A prior that fixes one camera's position along each undetermined direction, nearest to the rig's
 // origin: far from it, rotation noise of the poses displaces targets and cameras as much as the
 // motion does.
@@ -184,8 +192,7 @@ void SolveRig(const CalibrationInput& input,
     CalibrationInput with_priors = input;
     AddPriorsOfOpenCoefficients(calibration->uncertainty, &with_priors.cameras);
     *guess = GuessBundle(with_priors, threads);
-    calibration->bundle.observations = std::move(guess->bundle.observations);
-    StartAgain(guess->bundle, &calibration->bundle);
+    TakeGuess(guess, calibration);
     solve();
   }
   if (FramesAgree(calibration->bundle, calibration->uncertainty, options.typical_sigmas)) {
@@ -282,10 +289,7 @@ Calibration Calibrate(const CalibrationInput& input, const CalibrationOptions& o
   enter("initial guess");
   BundleGuess guess = GuessBundle(input, options.threads);
   Calibration calibration;
-  calibration.frames = guess.frames;
-  calibration.bundle.observations = std::move(guess.bundle.observations);
-  StartAgain(guess.bundle, &calibration.bundle);
-  calibration.left_out = guess.left_out;
+  TakeGuess(&guess, &calibration);
   SolveOptions solve;
   solve.loss = input.loss;
   solve.go_on = [&] { return go_on("bundle adjustment"); };

@@ -5,10 +5,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string_view>
 
 #include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
@@ -21,29 +23,29 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kNoPoint = std::numeric_limits<std::uint64_t>::max();
 
-struct BinaryModel {
-  const char* name;
+struct Model {
+  std::string_view name;
   size_t params;
 };
-/// By the number that stands for the model in binary files.
-constexpr std::array<BinaryModel, 18> kBinaryModels{{{"SIMPLE_PINHOLE", 3},
-                                                     {"PINHOLE", 4},
-                                                     {"SIMPLE_RADIAL", 4},
-                                                     {"RADIAL", 5},
-                                                     {"OPENCV", 8},
-                                                     {"OPENCV_FISHEYE", 8},
-                                                     {"FULL_OPENCV", 12},
-                                                     {"FOV", 5},
-                                                     {"SIMPLE_RADIAL_FISHEYE", 4},
-                                                     {"RADIAL_FISHEYE", 5},
-                                                     {"THIN_PRISM_FISHEYE", 12},
-                                                     {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
-                                                     {"SIMPLE_DIVISION", 4},
-                                                     {"DIVISION", 5},
-                                                     {"SIMPLE_FISHEYE", 3},
-                                                     {"FISHEYE", 4},
-                                                     {"EUCM", 6},
-                                                     {"EQUIRECTANGULAR", 2}}};
+/// By the number that stands for the model in binary files; with the number of its parameters.
+constexpr std::array<Model, 18> kModels{{{"SIMPLE_PINHOLE", 3},
+                                         {"PINHOLE", 4},
+                                         {"SIMPLE_RADIAL", 4},
+                                         {"RADIAL", 5},
+                                         {"OPENCV", 8},
+                                         {"OPENCV_FISHEYE", 8},
+                                         {"FULL_OPENCV", 12},
+                                         {"FOV", 5},
+                                         {"SIMPLE_RADIAL_FISHEYE", 4},
+                                         {"RADIAL_FISHEYE", 5},
+                                         {"THIN_PRISM_FISHEYE", 12},
+                                         {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                         {"SIMPLE_DIVISION", 4},
+                                         {"DIVISION", 5},
+                                         {"SIMPLE_FISHEYE", 3},
+                                         {"FISHEYE", 4},
+                                         {"EUCM", 6},
+                                         {"EQUIRECTANGULAR", 2}}};
 
 /// A member of a model file, numbered from 1.
 std::string PlaceIn(const fs::path& file, const char* what, std::uint64_t number) {
@@ -115,11 +117,10 @@ std::vector<ColmapCamera> ReadBinaryCameras(const fs::path& file) {
     camera.where = PlaceIn(file, "camera", ++number);
     camera.id = reader.Read<std::uint32_t>();
     const auto model = reader.Read<std::uint32_t>();
-    if (model >= kBinaryModels.size())
-      throw InputError("{}: unknown model {}", camera.where, model);
-    camera.model = kBinaryModels[model].name;
+    if (model >= kModels.size()) throw InputError("{}: unknown model {}", camera.where, model);
+    camera.model = kModels[model].name;
     for (int& side : camera.image_size) side = Pixels(reader.Read<std::uint64_t>(), camera.where);
-    camera.params.resize(kBinaryModels[model].params);
+    camera.params.resize(kModels[model].params);
     for (double& value : camera.params) value = reader.ReadFinite(camera.where);
   }
   return cameras;
@@ -134,6 +135,11 @@ std::vector<ColmapCamera> ReadTextCameras(const fs::path& file) {
                        .image_size = {line.Pixels(2), line.Pixels(3)},
                        .params = line.NumbersFrom(4),
                        .where = line.where});
+    const auto model = std::ranges::find(kModels, line.words[1], &Model::name);
+    const size_t count = cameras.back().params.size();
+    if (model != kModels.end() && model->params != count) {
+      line.Fail(fmt::format("{} has {} parameters, not {}", model->name, model->params, count));
+    }
   }
   return cameras;
 }

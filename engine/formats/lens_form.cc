@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <span>
 
 #include "assess/convert.h"
@@ -211,8 +212,12 @@ CalibratedCamera FromLens(const Lens& lens,
   from_zero.c_x -= table.first_pixel;
   from_zero.c_y -= table.first_pixel;
   std::vector<std::string_view> names;
+  std::set<size_t> counts;
   for (const LensForm& form : table.forms) {
     if (!Holds(names, form.name)) names.push_back(form.name);
+    if (form.name == lens.name) counts.insert(form.coefficients.size());
+    if (table.has_all_coefficients && form.coefficients.size() != lens.coefficients.size())
+      continue;
     const CameraModel* const model = FindModel(CameraModels(), form.model);
     if (model == nullptr || !Fits(form, lens)) continue;
     CalibratedCamera camera = MakeCamera(from_zero, form, *model, where);
@@ -222,6 +227,13 @@ CalibratedCamera FromLens(const Lens& lens,
   if (!Holds(names, lens.name)) {
     throw InputError(
         "{}: the lens '{}' is not read{}", where, lens.name, SuggestName(lens.name, names));
+  }
+  if (table.has_all_coefficients && !counts.contains(lens.coefficients.size())) {
+    throw InputError("{}: the lens '{}' has {} coefficients, not {}",
+                     where,
+                     lens.name,
+                     fmt::join(counts, " or "),
+                     lens.coefficients.size());
   }
   throw InputError(
       "{}: no camera model of this plenocal has all coefficients [{}] of the lens '{}'",
@@ -274,6 +286,36 @@ void RequireOneFocalLength(const CalibratedCamera& camera,
       lens.f_x,
       lens.f_y,
       most);
+}
+
+Lens ScaledPlane(const Lens& lens, double scale, double first) {
+  Lens scaled = lens;
+  scaled.f_x *= scale;
+  scaled.f_y *= scale;
+  scaled.coefficients[0] = first;
+  constexpr std::array<double, 4> kPowers{2, 4, 1, 1};  // of k_1 k_2 p_1 p_2
+  for (size_t i = 1; i < std::min(scaled.coefficients.size(), kPowers.size() + 1); ++i) {
+    scaled.coefficients[i] *= std::pow(scale, kPowers[i - 1]);
+  }
+  return scaled;
+}
+
+Lens FromOmni(const Lens& omni) {
+  const double xi = omni.coefficients[0];
+  Lens lens = ScaledPlane(omni, 1 / (1 + xi), xi / (1 + xi));
+  const bool is_plain = std::all_of(lens.coefficients.begin() + 1,
+                                    lens.coefficients.end(),
+                                    [](double value) { return value == 0; });
+  lens.name = is_plain ? "omni none" : "omni radtan";
+  if (is_plain) lens.coefficients.resize(1);
+  return lens;
+}
+
+const std::array<LensForm, 2>& OmniForms() {
+  static const std::array<LensForm, 2> kForms{
+      LensForm("ucm", "omni none", "alpha"),
+      LensForm("ucm+radtan", "omni radtan", "alpha k_1 k_2 p_1 p_2")};
+  return kForms;
 }
 
 const LensTable& OpenCvLenses() {

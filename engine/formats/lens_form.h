@@ -39,6 +39,7 @@ struct LensTable {
   std::array<std::string_view, 4> keys{"fx", "fy", "cx", "cy"};
   std::map<std::string_view, std::string_view> coefficient_keys = {};
   bool may_lack_coefficients = false;  ///< in files that name numbers; then they are zero
+  bool has_all_coefficients = false;   ///< in files: another number of them is a mistake
 };
 
 /// One camera of a tool's file.
@@ -66,8 +67,9 @@ Lens ReadLensEntries(const YamlNode& node,
 /// parameter without a place there is not zero.
 Lens ToLens(const CalibratedCamera& camera, const LensTable& table);
 
-/// The camera by the first form that holds the lens; missing coefficients are zero. Throws `Error`
-/// of kind kInput, `where` before the message, when there is none.
+/// The camera by the first form that holds the lens; missing coefficients are zero, or a mistake
+/// (`has_all_coefficients`). Throws `Error` of kind kInput, `where` before the message, when there
+/// is none.
 CalibratedCamera FromLens(const Lens& lens,
                           ImageSize image_size,
                           const LensTable& table,
@@ -82,6 +84,16 @@ void CheckPanorama(const CalibratedCamera& camera,
 
 /// Throws `Error` of kind kJob when the focal lengths differ, for tools that have one.
 void RequireOneFocalLength(const CalibratedCamera& camera, const Lens& lens, std::string_view tool);
+
+/// Lens coordinates, on which distortion acts, divided by `scale`; `first` becomes the first
+/// coefficient, k_1 k_2 p_1 p_2 may follow.
+Lens ScaledPlane(const Lens& lens, double scale, double first);
+
+/// Kalibr's "omni" and OpenCV's omnidir: the unified model by xi > -1 in place of alpha
+/// (models/ucm.h). Their lens coordinates are ours times 1 - alpha.
+Lens FromOmni(const Lens& omni);
+/// The lenses that it returns.
+const std::array<LensForm, 2>& OmniForms();
 
 /// OpenCV's coefficients k1 k2 p1 p2 k3 ..., named "radtan", and its fisheye's, named "fisheye".
 const LensTable& OpenCvLenses();

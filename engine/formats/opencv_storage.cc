@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cctype>
 
+#include "calib/base/format_error.h"
 #include "calib/io/input_file.h"
 #include "engine/formats/exact_numbers.h"
 
@@ -28,10 +30,38 @@ std::string Coefficients(const std::string& key, const Lens& lens) {
   return OpenCvMatrix(key, 1, static_cast<int>(lens.coefficients.size()), 'd', lens.coefficients);
 }
 
+namespace {
+
+/// OpenCV reads 'key:value', which is no YAML: a blank after the colon of each line's key.
+std::string WithBlanks(const std::string& text) {
+  std::string yaml;
+  bool in_key = true;
+  for (size_t i = 0; i < text.size(); ++i) {
+    yaml += text[i];
+    if (text[i] == '\n') {
+      in_key = true;
+    } else if (in_key && text[i] == ':') {
+      in_key = false;
+      if (i + 1 < text.size() && std::isspace(static_cast<unsigned char>(text[i + 1])) == 0) {
+        yaml += ' ';
+      }
+    } else if (std::string_view("\"'#[{").find(text[i]) != std::string_view::npos) {
+      in_key = false;
+    }
+  }
+  return yaml;
+}
+
+}  // namespace
+
 YamlNode ReadStorage(const std::filesystem::path& path) {
   std::string text = ReadTextFile(path, InputLimit::kDocument);
+  if (text.starts_with("<?xml")) {
+    throw InputError("{}: OpenCV's XML is not read; write it as YAML (a name in .yml)",
+                     path.string());
+  }
   // OpenCV's first line is not a YAML directive.
-  if (text.starts_with("%YAML:1.0")) text.replace(0, 1, "#");
+  if (text.starts_with("%YAML:1.0")) text = WithBlanks("#" + text.substr(1));
   return YamlNode::Parse(text, path.string());
 }
 

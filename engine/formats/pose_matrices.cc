@@ -33,11 +33,15 @@ std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T) {
   return rows;
 }
 
-RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node) {
+RigidTransform FromRectified(const std::vector<double>& R,
+                             const std::vector<double>& P,
+                             const YamlNode& node) {
   Eigen::Matrix3d rotation =
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
   if (!MakeRotation(&rotation)) node.Fail("is no rotation");
-  return {rotation.transpose(), rotation.transpose() * Eigen::Vector3d(shift, 0, 0)};
+  const auto shift = [](double moved, double f) { return f != 0 ? moved / f : 0; };
+  return {rotation.transpose(),
+          rotation.transpose() * Eigen::Vector3d(shift(P[3], P[0]), shift(P[7], P[5]), 0)};
 }
 
 RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<double>& t) {

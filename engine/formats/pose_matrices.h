@@ -24,10 +24,12 @@ RigidTransform FromRowMajor(const std::vector<double>& R, const std::vector<doub
 /// The first three rows (R t) of a transform's 4 x 4 matrix.
 std::array<std::array<double, 4>, 3> Rows(const RigidTransform& T);
 
-/// T_camera_rig of a camera of a rectified pair: `R` (row by row) rotates the camera into the
-/// rectified orientation, in which the camera is `shift` metres left of the first camera. Fails at
-/// `node` when R is not a rotation.
-RigidTransform FromRectified(const std::vector<double>& R, double shift, const YamlNode& node);
+/// T_camera_rig of a camera of a rectified pair, one beside or above the other: `R` rotates the
+/// camera into the rectified orientation, in which the 3 x 4 matrix `P` projects points of the
+/// first camera's frame. Both row by row. Fails at `node` when R is not a rotation.
+RigidTransform FromRectified(const std::vector<double>& R,
+                             const std::vector<double>& P,
+                             const YamlNode& node);
 
 /// An image of a frame, as tools for many images have it.
 struct ViewImage {

@@ -180,6 +180,13 @@ CalibratedCamera ChoosePinhole(std::span<const SeenImage> images, const ViewOpti
   view.model = FindModel(CameraModels(), "pinhole");
   view.image_size = size;
   view.params = {chosen.f.x(), chosen.f.y(), chosen.c.x(), chosen.c.y()};
+  if (!WithinBounds(*view.model, view.params.data())) {
+    throw JobError(
+        "camera '{}': its plane image has focal lengths of {} and {} px, which no camera has",
+        images[0].name,
+        chosen.f.x(),
+        chosen.f.y());
+  }
   return view;
 }
 

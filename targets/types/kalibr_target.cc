@@ -70,6 +70,7 @@ Target ReadCheckerboard(const YamlNode& node) {
     return Eigen::Vector2d(column * column_spacing, row * board.square);
   });
   target.layout = board;
+  if (column_spacing != board.square) target.unequal = target.markers;
   target.nominal_yaml =
       fmt::format("plenocal: 1\ntype: chessboard\ncolumns: {}\nrows: {}\nsquare: {}\n",
                   board.columns,

@@ -55,6 +55,9 @@ TEST(KalibrTarget, ReadsKalibrsCheckerboardWithUnequalSpacings) {
   EXPECT_EQ(target.markers.size(), 42u);
   ExpectAt(target, 1, 0.05, 0, 0);
   ExpectAt(target, 6, 0, 0.06, 0);
+  // The side of a square does not state them.
+  EXPECT_EQ(NominalTarget(target).markers, target.markers);
+  EXPECT_THAT(testing::RefusalOf([&] { DrawTarget(target); }), HasSubstr("unequal"));
 }
 
 TEST(KalibrTarget, ReadsKalibrsCirclegrid) {

@@ -43,7 +43,17 @@ MicroLensOptics::MicroLensOptics(const CameraSpec& camera) : camera_(camera) {
   // Rows and columns are oblique, so that they run farther than the image's diagonal.
   const Eigen::Vector2d size(camera.image_size[0], camera.image_size[1]);
   const double reach = size.norm() + (origin_ - size / 2).norm() + 2 * spec.pitch;
-  most_ = static_cast<int>(reach / (least * std::cos(step / 2))) + 2;
+  const double steps = reach / (least * std::cos(step / 2));
+  constexpr double kMostSteps = 5000;  // of a hundred million nodes in both directions
+  if (!(steps < kMostSteps)) {
+    Fail(camera,
+         fmt::format("from its principal point at ({:.6g}, {:.6g}) px micro lenses of this pitch "
+                     "would fill more than {:.0f} rows up to the image's corners",
+                     principal_.x(),
+                     principal_.y(),
+                     kMostSteps));
+  }
+  most_ = static_cast<int>(steps) + 2;
   const int count = 2 * most_ + 1;
   index_.setConstant(count, count, -1);
   for (int row = -most_; row <= most_; ++row) {

@@ -4,9 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <iterator>
+#include <charconv>
+#include <cstddef>
+#include <map>
+#include <string_view>
 
 #include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
@@ -21,33 +22,20 @@ namespace plenocal {
 namespace {
 
 const LensTable& KalibrLenses() {
-  static const LensTable kTable{"kalibr",
-                                {{"pinhole", "pinhole none", ""},
-                                 {"pinhole-radial3", "pinhole radtan", "A_0 A_1 0 0"},
-                                 {"pinhole-radtan4", "pinhole radtan", "k_1 k_2 p_1 p_2"},
-                                 {"pinhole-radtan", "pinhole radtan", "k_1 k_2 p_1 p_2"},
-                                 {"kannala-brandt4", "pinhole equidistant", "k_1 k_2 k_3 k_4"},
-                                 {"fov", "pinhole fov", "omega"},
-                                 {"eucm", "eucm none", "alpha beta"},
-                                 {"double-sphere", "ds none", "xi alpha"},
-                                 {"ucm", "omni none", "alpha"},
-                                 {"ucm+radtan", "omni radtan", "alpha k_1 k_2 p_1 p_2"}}};
+  static const LensTable kTable{
+      .tool = "kalibr",
+      .forms = {{"pinhole", "pinhole none", ""},
+                {"pinhole-radial3", "pinhole radtan", "A_0 A_1 0 0"},
+                {"pinhole-radtan4", "pinhole radtan", "k_1 k_2 p_1 p_2"},
+                {"pinhole-radtan", "pinhole radtan", "k_1 k_2 p_1 p_2"},
+                {"kannala-brandt4", "pinhole equidistant", "k_1 k_2 k_3 k_4"},
+                {"fov", "pinhole fov", "omega"},
+                {"eucm", "eucm none", "alpha beta"},
+                {"double-sphere", "ds none", "xi alpha"},
+                OmniForms()[0],
+                OmniForms()[1]},
+      .has_all_coefficients = true};
   return kTable;
-}
-
-/// Kalibr's omni is the unified model by other parameters (models/ucm.h). Its lens coordinates, on
-/// which distortion acts, are ours times 1 - alpha: the lens with coordinates divided by `scale`,
-/// and `first` as its first coefficient.
-Lens ScaledPlane(const Lens& lens, double scale, double first) {
-  Lens scaled = lens;
-  scaled.f_x *= scale;
-  scaled.f_y *= scale;
-  scaled.coefficients[0] = first;
-  const std::array<double, 4> powers{2, 4, 1, 1};  // of k_1 k_2 p_1 p_2
-  for (size_t i = 1; i < scaled.coefficients.size(); ++i) {
-    scaled.coefficients[i] *= std::pow(scale, powers.at(i - 1));
-  }
-  return scaled;
 }
 
 Lens ToOmni(const Lens& ucm) {
@@ -55,19 +43,15 @@ Lens ToOmni(const Lens& ucm) {
   return ScaledPlane(ucm, 1 / (1 - alpha), alpha / (1 - alpha));
 }
 
-Lens FromOmni(const Lens& omni, const YamlNode& node) {
-  if (omni.coefficients.empty()) node.At("intrinsics").Fail("expected xi fu fv pu pv");
-  if (omni.coefficients.size() > 5) {
-    node.At("distortion_coeffs").Fail("expected k1 k2 p1 p2 of omni");
-  }
-  const double xi = omni.coefficients[0];
-  if (!(xi > -1)) node.At("intrinsics").Fail("expected xi above -1");
-  Lens lens = ScaledPlane(omni, 1 / (1 + xi), xi / (1 + xi));
-  const bool is_plain = std::all_of(lens.coefficients.begin() + 1,
-                                    lens.coefficients.end(),
-                                    [](double value) { return value == 0; });
-  lens.name = is_plain ? "omni none" : "omni radtan";
-  return lens;
+/// Number of a projection's own parameters, which stand before the focal lengths.
+const std::map<std::string_view, size_t> kOwnParams{
+    {"pinhole", 0}, {"omni", 1}, {"eucm", 2}, {"ds", 2}};
+
+/// The number of a key as "cam10"; the others are the first.
+int NumberOf(const std::string& key) {
+  int number = -1;
+  if (key.starts_with("cam")) std::from_chars(key.data() + 3, key.data() + key.size(), number);
+  return number;
 }
 
 std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
@@ -78,10 +62,8 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
     if (lens.name.starts_with("omni")) lens = ToOmni(lens);
     const size_t blank = lens.name.find(' ');
     const std::string projection = lens.name.substr(0, blank);
-    // A projection's own parameters come before the focal lengths, distortion apart.
     const auto own =
-        lens.coefficients.begin() +
-        (projection == "pinhole" ? 0 : (projection == "omni" ? 1 : std::ssize(lens.coefficients)));
+        lens.coefficients.begin() + static_cast<std::ptrdiff_t>(kOwnParams.at(projection));
     std::vector<double> intrinsics(lens.coefficients.begin(), own),
         distortion(own, lens.coefficients.end());
     for (const double value : {lens.f_x, lens.f_y, lens.c_x, lens.c_y}) intrinsics.push_back(value);
@@ -109,12 +91,18 @@ std::string WriteKalibr(const std::vector<CalibratedCamera>& cameras) {
 std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
   std::vector<CalibratedCamera> cameras;
-  for (const auto& [name, node] : root.Entries()) {
+  // Kalibr writes the keys by their letters: cam10 before cam2.
+  auto entries = root.Entries();
+  std::ranges::stable_sort(entries, {}, [](const auto& entry) { return NumberOf(entry.first); });
+  for (const auto& [name, node] : entries) {
     const std::string projection = node.At("camera_model").AsString();
     const std::string distortion =
         node.Has("distortion_model") ? node.At("distortion_model").AsString() : "none";
-    const std::vector<double> intrinsics = node.At("intrinsics").AsNumbers(0);
-    if (intrinsics.size() < 4) node.At("intrinsics").Fail("expected at least four numbers");
+    const auto own = kOwnParams.find(projection);
+    if (own == kOwnParams.end()) {
+      node.At("camera_model").Fail("expected pinhole, omni, eucm or ds");
+    }
+    const std::vector<double> intrinsics = node.At("intrinsics").AsNumbers(4 + own->second);
     Lens lens = LensOfNumbers(fmt::format("{} {}", projection, distortion),
                               {intrinsics.end() - 4, intrinsics.end()});
     lens.coefficients.assign(intrinsics.begin(), intrinsics.end() - 4);
@@ -123,7 +111,10 @@ std::vector<CalibratedCamera> ReadKalibr(const CameraSource& source) {
         lens.coefficients.push_back(value);
       }
     }
-    if (projection == "omni") lens = FromOmni(lens, node);
+    if (lens.name == "omni none" || lens.name == "omni radtan") {
+      if (!(lens.coefficients[0] > -1)) node.At("intrinsics").Fail("expected xi above -1");
+      lens = FromOmni(lens);
+    }
     CalibratedCamera camera =
         FromLens(lens,
                  ReadImageSize(node.At("resolution")),

@@ -45,18 +45,19 @@ void AddFormulaOf(std::string_view lens, const std::string& where) {
 
 const LensTable& MrcalLenses() {
   static const LensTable kTable{
-      "mrcal",
-      {{"pinhole", "LENSMODEL_PINHOLE", ""},
-       {"spherical", "LENSMODEL_LONLAT", ""},
-       {kLatLon, "LENSMODEL_LATLON", ""},
-       {"linearity-0p5", "LENSMODEL_STEREOGRAPHIC", ""},
-       {"pinhole-radial3", "LENSMODEL_OPENCV5", "A_0 A_1 0 0 A_2"},
-       {"pinhole-radtan4", "LENSMODEL_OPENCV4", "k_1 k_2 p_1 p_2"},
-       {"pinhole-radtan", "LENSMODEL_OPENCV5", "k_1 k_2 p_1 p_2 k_3"},
-       {"pinhole-radtan8", "LENSMODEL_OPENCV8", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
-       {"pinhole-radtan12",
-        "LENSMODEL_OPENCV12",
-        "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4"}}};
+      .tool = "mrcal",
+      .forms = {{"pinhole", "LENSMODEL_PINHOLE", ""},
+                {"spherical", "LENSMODEL_LONLAT", ""},
+                {kLatLon, "LENSMODEL_LATLON", ""},
+                {"linearity-0p5", "LENSMODEL_STEREOGRAPHIC", ""},
+                {"pinhole-radial3", "LENSMODEL_OPENCV5", "A_0 A_1 0 0 A_2"},
+                {"pinhole-radtan4", "LENSMODEL_OPENCV4", "k_1 k_2 p_1 p_2"},
+                {"pinhole-radtan", "LENSMODEL_OPENCV5", "k_1 k_2 p_1 p_2 k_3"},
+                {"pinhole-radtan8", "LENSMODEL_OPENCV8", "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6"},
+                {"pinhole-radtan12",
+                 "LENSMODEL_OPENCV12",
+                 "k_1 k_2 p_1 p_2 k_3 k_4 k_5 k_6 s_1 s_2 s_3 s_4"}},
+      .has_all_coefficients = true};
   return kTable;
 }
 

@@ -5,7 +5,10 @@
 // the world's, here the target's.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <string_view>
 
 #include "calib/base/quoted_text.h"
 #include "calib/io/yaml.h"
@@ -73,10 +76,28 @@ std::string WriteViews(const CalibrationRecord& calibration, size_t index) {
   return fmt::format("{{\n{}  \"frames\": [{}\n  ]\n}}\n", Intrinsics(camera), frames);
 }
 
+/// instant-ngp's scripts write "w": 1920.0.
+int Pixels(const YamlNode& node) {
+  const double value = node.AsNumber();
+  constexpr double kMost = 1e6;  // no image has more columns
+  if (!(value >= 1 && value <= kMost && value == std::round(value))) {
+    node.Fail("expected a number of pixels");
+  }
+  return static_cast<int>(value);
+}
+
 std::vector<CalibratedCamera> ReadNerfstudio(const CameraSource& source) {
   const YamlNode root = YamlNode::ReadFile(source.path);
-  const Lens lens = ReadLensEntries(root, root.At("camera_model").AsString(), NerfstudioLenses());
-  const ImageSize size{root.At("w").AsInteger(), root.At("h").AsInteger()};
+  std::string name = root.Has("camera_model") ? root.At("camera_model").AsString() : "OPENCV";
+  if (root.Has("is_fisheye") && root.At("is_fisheye").AsBool()) name = "OPENCV_FISHEYE";
+  // nerfstudio takes all of these for OPENCV, with the coefficients that the file has.
+  static constexpr std::array<std::string_view, 4> kPerspective{
+      "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"};
+  if (std::ranges::find(kPerspective, name) != kPerspective.end()) name = "OPENCV";
+  Lens lens = ReadLensEntries(root, name, NerfstudioLenses());
+  const bool is_plain = std::ranges::all_of(lens.coefficients, [](double c) { return c == 0; });
+  if (name == "OPENCV" && is_plain) lens = {"PINHOLE", lens.f_x, lens.f_y, lens.c_x, lens.c_y, {}};
+  const ImageSize size{Pixels(root.At("w")), Pixels(root.At("h"))};
   CalibratedCamera camera = FromLens(lens, size, NerfstudioLenses(), source.path.string());
   camera.name = "camera";
   return {camera};

@@ -75,6 +75,20 @@ std::string WriteOpenCv(const std::vector<CalibratedCamera>& cameras) {
   return text;
 }
 
+/// Of cv::omnidir, whose programs write K, k1 k2 p1 p2 and xi.
+const LensTable& OmnidirLenses() {
+  static const LensTable kTable{.tool = "opencv",
+                                .forms = {OmniForms().begin(), OmniForms().end()}};
+  return kTable;
+}
+
+Lens OmnidirLens(Lens lens, const YamlNode& node) {
+  const double xi = node.IsScalar() ? node.AsNumber() : MatrixData(node, 1)[0];
+  if (!(xi > -1)) node.Fail("expected xi above -1");
+  lens.coefficients.insert(lens.coefficients.begin(), xi);
+  return FromOmni(lens);
+}
+
 std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
   const bool is_fisheye =
@@ -82,8 +96,11 @@ std::vector<CalibratedCamera> ReadOpenCv(const CameraSource& source) {
   const OpenCvDistortion distortion =
       is_fisheye ? OpenCvDistortion::kFisheye : OpenCvDistortion::kRadtan;
   const auto read = [&](const YamlNode& K, const std::optional<YamlNode>& D, const std::string& n) {
-    return FromLens(
-        LensOf(K, D, distortion), SizeOf(root, n, source), OpenCvLenses(), source.path.string());
+    const Lens lens = LensOf(K, D, distortion);
+    const ImageSize size = SizeOf(root, n, source);
+    const std::string where = source.path.string();
+    if (!root.Has("xi" + n)) return FromLens(lens, size, OpenCvLenses(), where);
+    return FromLens(OmnidirLens(lens, root.At("xi" + n)), size, OmnidirLenses(), where);
   };
   // Programs of OpenCV and their descendants.
   static const std::array<std::string, 4> kMatrixKeys{"camera_matrix", "cameraMatrix", "K", "M"};

@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "calib/base/format_error.h"
 #include "engine/formats/camera_format.h"
 #include "engine/formats/exact_numbers.h"
 #include "engine/formats/lens_form.h"
@@ -24,6 +25,11 @@ std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
     return kOpenCvHead + OrbSlamCamera("Camera", first) + OrbSlamImages(cameras[0]);
   }
   const RectifiedPair pair = Rectify(cameras[0], cameras[1], {});
+  if (pair.baseline < 0) {
+    throw JobError("orbslam2: takes the left camera first; give --camera {} {}",
+                   cameras[1].name,
+                   cameras[0].name);
+  }
   const std::vector<double>& p = pair.views[0].params;
   std::string text =
       kOpenCvHead + OrbSlamCamera("Camera", {"PinHole", p[0], p[1], p[2], p[3], {0, 0, 0, 0, 0}}) +
@@ -46,9 +52,12 @@ std::string WriteOrbSlam2(const std::vector<CalibratedCamera>& cameras) {
 std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
   const YamlNode root = ReadStorage(source.path);
   if (!root.Has("LEFT.K")) {
-    return {FromLens(ReadLensEntries(root, "PinHole", OrbSlam2Lenses(), "Camera."),
+    // ORB-SLAM3's files without File.version have these keys too.
+    const std::string type =
+        root.Has("Camera.type") ? root.At("Camera.type").AsString() : "PinHole";
+    return {FromLens(ReadLensEntries(root, type, OrbSlam3Lenses(), "Camera."),
                      ReadOrbSlamSize(root, source),
-                     OrbSlam2Lenses(),
+                     OrbSlam3Lenses(),
                      source.path.string())};
   }
   std::vector<CalibratedCamera> cameras;
@@ -60,9 +69,9 @@ std::vector<CalibratedCamera> ReadOrbSlam2(const CameraSource& source) {
                  {root.At(side + ".width").AsInteger(), root.At(side + ".height").AsInteger()},
                  OrbSlam2Lenses(),
                  source.path.string()));
-    const std::vector<double> P = MatrixData(root.At(side + ".P"), 12);
     const YamlNode R = root.At(side + ".R");
-    cameras.back().T_camera_rig = FromRectified(MatrixData(R, 9), P[0] != 0 ? P[3] / P[0] : 0, R);
+    cameras.back().T_camera_rig =
+        FromRectified(MatrixData(R, 9), MatrixData(root.At(side + ".P"), 12), R);
     cameras.back().name = side == "LEFT" ? "left" : "right";
   }
   return cameras;

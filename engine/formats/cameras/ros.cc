@@ -97,9 +97,9 @@ std::vector<CalibratedCamera> ReadRos(const CameraSource& source) {
   if (root.Has("rectification_matrix") && root.Has("projection_matrix")) {
     // The rig is the rectified frame of the pair's first camera.
     const YamlNode rectification = root.At("rectification_matrix").At("data");
-    const std::vector<double> P = root.At("projection_matrix").At("data").AsNumbers(12);
-    camera.T_camera_rig =
-        FromRectified(rectification.AsNumbers(9), P[0] != 0 ? P[3] / P[0] : 0, rectification);
+    camera.T_camera_rig = FromRectified(rectification.AsNumbers(9),
+                                        root.At("projection_matrix").At("data").AsNumbers(12),
+                                        rectification);
   }
   return {camera};
 }

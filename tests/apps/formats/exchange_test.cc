@@ -803,6 +803,12 @@ TEST_F(Exchange, KalibrTargetsCornersAndRaytrixGridsAreImported) {
   EXPECT_EQ(target["type"].as<std::string>(), "aprilgrid");
   EXPECT_EQ(target["columns"].as<int>(), 6);
   EXPECT_EQ(target["border_bits"].as<int>(), 2);
+  Write("board.yaml",
+        "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\n"
+        "colSpacingMeters: 0.05\n");
+  ExpectRefused(kWrongInput,
+                {"import", "board.yaml", "--format", "kalibr-target", "-o", "out"},
+                {"board.yaml", "unequal spacing"});
 
   Write("corners.vnl",
         "## mrgingham\n# filename x y level\na/f1.png 10.5 20.25 0\na/f1.png - - -\n"

@@ -488,8 +488,10 @@ TEST(Segments, AreNamedBySecondsOrFrames) {
   EXPECT_EQ(Segments(tracks, {":10", "30:"}), "0-4 15-19");  // the end of a time does not belong
   EXPECT_EQ(Segments(tracks, {"2:10.5", "29:31"}), "1-5 15-15");
   EXPECT_EQ(Segments(tracks, {"f02:f04", "f06:f06"}), "2-4 6-6");
-  EXPECT_EQ(Segments(tracks, {"f02:f04", "f04:"}),
-            "the end segment begins before the start segment ends");
+  EXPECT_EQ(
+      Segments(tracks, {"f02:f04", "f04:"}),
+      "--start, --end: the end segment begins at frame 'f04', before the start segment ends at "
+      "'f04'");
   EXPECT_EQ(Segments(tracks, {"f02:f04", "f05:"}), "2-4 5-19");
   EXPECT_EQ(Segments(tracks, {"5", "f05:"}),
             "--start 5: no ':'; write A:B, names of frames or seconds");

@@ -156,6 +156,16 @@ TEST(RigEstimate, RefusesScenesLocalModelsAndRecordsWithoutPoints) {
             "some/calibration.yaml: calibrated from scene points; next views are for a target");
 }
 
+TEST(RigEstimate, RefusesOneCameraWithoutStandardErrors) {
+  CalibrationRecord record = TwoCameras();
+  for (CalibratedCamera& camera : record.cameras) camera.covariance.setZero();
+  EXPECT_EQ(Refused(record), "no refusal");
+  record.cameras.resize(1);
+  EXPECT_EQ(Refused(record),
+            "some/calibration.yaml: states no standard error, so that views have nothing to "
+            "determine");
+}
+
 TEST(RigUnknowns, AreFreeParametersAndExtrinsicsInTheirUnits) {
   RigEstimate rig = MakeRigEstimate(TwoCameras());
   rig.bundle.cameras[1].params[2] = -0.25;

@@ -228,5 +228,171 @@ TEST_F(CameraFiles, OfNerfstudioMayLackCoefficientsButNothingElse) {
               HasSubstr("cy"));
 }
 
+TEST_F(CameraFiles, OfNerfstudioMayBeOfAnyPerspectiveModel) {
+  const CameraFormat& format = *FindCameraFormat("nerfstudio", "");
+  const auto read = [&](const std::string& head, const std::string& coefficients) {
+    const std::string text = "{" + head + R"("w": 640.0, "h": 480, "fl_x": 300, "fl_y": 301, )" +
+                             R"("cx": 320, "cy": 240)" + coefficients + "}";
+    return ReadCameraFile(format, {.path = Write("transforms.json", text), .image_size = {}}).at(0);
+  };
+  for (const std::string head : {R"("camera_model": "PINHOLE", )",
+                                  R"("camera_model": "SIMPLE_RADIAL", )",
+                                  R"("camera_model": "OPENCV", )",
+                                  R"("is_fisheye": false, )",
+                                  ""}) {
+    EXPECT_EQ(read(head, R"(, "k1": -0.2, "p2": 0.01)").model->name, "pinhole-radtan4") << head;
+    EXPECT_EQ(read(head, R"(, "k1": 0)").model->name, "pinhole") << head;
+  }
+  EXPECT_EQ(read(R"("is_fisheye": true, )", R"(, "k1": 0.1)").model->name, "kannala-brandt4");
+  EXPECT_THAT(testing::RefusalOf([&] { read(R"("camera_model": "PINHOL", )", ""); }),
+              HasSubstr("'PINHOL' is not read"));
+}
+
+// Of cv::omnidir: X / (|X| + xi Z) with radtan, then K.
+TEST_F(CameraFiles, OfOpenCvsOmnidirAreOfTheUnifiedModel) {
+  const CameraFormat& format = *FindCameraFormat("opencv", "");
+  const double xi = 1.2, k_1 = -0.2, k_2 = 0.05, p_1 = 1e-3, p_2 = -2e-3;
+  const std::string text =
+      "image_width: 1280\nimage_height: 800\ncamera_matrix: [800, 0, 640, 0, 801, 400, 0, 0, 1]\n"
+      "distortion_coefficients: [-0.2, 0.05, 1e-3, -2e-3]\n";
+  for (const char* given : {"xi: 1.2\n", "xi: {rows: 1, cols: 1, data: [1.2]}\n"}) {
+    const CalibratedCamera camera =
+        ReadCameraFile(format, {.path = Write("omni.yml", text + given), .image_size = {}}).at(0);
+    const Eigen::Vector3d X(0.9, -0.5, 0.7);
+    const Eigen::Vector2d m = X.head<2>() / (X.z() + xi * X.norm());
+    const double r2 = m.squaredNorm(), radial = 1 + k_1 * r2 + k_2 * r2 * r2;
+    const Eigen::Vector2d bent(
+        m.x() * radial + 2 * p_1 * m.x() * m.y() + p_2 * (r2 + 2 * m.x() * m.x()),
+        m.y() * radial + p_1 * (r2 + 2 * m.y() * m.y()) + 2 * p_2 * m.x() * m.y());
+    Eigen::Vector2d image;
+    ASSERT_TRUE(camera.model->Project(
+        camera.params.data(), camera.config.data(), image.data(), X, image.data()));
+    EXPECT_LT((image - Eigen::Vector2d(800 * bent.x() + 640, 801 * bent.y() + 400)).norm(), 1e-9);
+  }
+  EXPECT_THAT(testing::RefusalOf([&] {
+                ReadCameraFile(format,
+                               {.path = Write("omni.yml", text + "xi: -1\n"), .image_size = {}});
+              }),
+              HasSubstr("omni.yml:5"));
+}
+
+// As ORB-SLAM2's EuRoC.yaml has them.
+TEST_F(CameraFiles, OfOpenCvMayLackBlanksBehindKeys) {
+  const CameraFormat& format = *FindCameraFormat("opencv", "");
+  const std::string text =
+      "%YAML:1.0\nimage_width:640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"
+      "   cols: 3\n   dt: d\n   data:[500, 0, 320, 0, 501, 240, 0, 0, 1]\n\"a:b\": \"c:d\" # e:f\n";
+  EXPECT_EQ(ReadCameraFile(format, {.path = Write("a.yml", text), .image_size = {}}).at(0).params,
+            (std::vector<double>{500, 501, 320, 240}));
+  EXPECT_THAT(testing::RefusalOf([&] {
+                ReadCameraFile(
+                    format,
+                    {.path = Write("a.xml", "<?xml version=\"1.0\"?>\n"), .image_size = {}});
+              }),
+              HasSubstr("write it as YAML"));
+}
+
+// Kalibr sorts the keys by their letters.
+TEST_F(CameraFiles, OfKalibrChainCamerasByTheirNumbers) {
+  const CameraFormat& format = *FindCameraFormat("kalibr", "");
+  const std::string lens =
+      "  camera_model: pinhole\n  intrinsics: [500, 500, 320, 240]\n  resolution: [640, 480]\n";
+  const auto linked = [&](int number) {
+    return fmt::format(
+        "cam{}:\n  T_cn_cnm1: [[1, 0, 0, -{}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n{}",
+        number,
+        number,
+        lens);
+  };
+  std::string text = "cam0:\n" + lens + linked(1) + linked(10);
+  for (int number = 2; number < 10; ++number) text += linked(number);
+  const std::vector<CalibratedCamera> cameras =
+      ReadCameraFile(format, {.path = Write("chain.yaml", text), .image_size = {}});
+  ASSERT_EQ(cameras.size(), 11U);
+  for (int i = 0; i < 11; ++i) {
+    EXPECT_EQ(cameras[static_cast<size_t>(i)].name, fmt::format("cam{}", i));
+    EXPECT_NEAR(cameras[static_cast<size_t>(i)].T_camera_rig.t.x(), -i * (i + 1) / 2.0, 1e-12);
+  }
+}
+
+TEST_F(CameraFiles, WithAnotherNumberOfCoefficientsAreRefused) {
+  const auto refused = [&](const char* name, const std::string& text) {
+    return testing::RefusalOf([&] {
+      ReadCameraFile(*FindCameraFormat(name, ""),
+                     {.path = Write("camera", text), .image_size = {}});
+    });
+  };
+  EXPECT_THAT(refused("colmap", "1 OPENCV 640 480 500 500 320 240 0.1\n"),
+              HasSubstr("camera:1: OPENCV has 8 parameters, not 5"));
+  EXPECT_EQ(refused("colmap", "1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n"), "no refusal");
+  const std::string mrcal =
+      "{'lensmodel': 'LENSMODEL_OPENCV8', 'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [640, 480],"
+      " 'intrinsics': [500, 500, 320, 240, ";
+  EXPECT_THAT(refused("mrcal", mrcal + "0, 0, 0, 0]}"), HasSubstr("has 8 coefficients, not 4"));
+  EXPECT_EQ(refused("mrcal", mrcal + "0, 0, 0, 0, 0, 0, 0, 0]}"), "no refusal");
+  const auto kalibr = [&](const char* camera, const char* lens, int own, int coefficients) {
+    std::vector<double> intrinsics(static_cast<size_t>(own), 0.1);
+    for (const double value : {500., 500., 320., 240.}) intrinsics.push_back(value);
+    return refused("kalibr",
+                   fmt::format("cam0:\n  camera_model: {}\n  distortion_model: {}\n  intrinsics: "
+                               "[{}]\n  distortion_coeffs: [{}]\n  resolution: [640, 480]\n",
+                               camera,
+                               lens,
+                               fmt::join(intrinsics, ", "),
+                               fmt::join(std::vector<double>(coefficients, 0.01), ", ")));
+  };
+  EXPECT_EQ(kalibr("pinhole", "radtan", 0, 4), "no refusal");
+  EXPECT_EQ(kalibr("omni", "radtan", 1, 4), "no refusal");
+  EXPECT_EQ(kalibr("ds", "none", 2, 0), "no refusal");
+  EXPECT_THAT(kalibr("pinhole", "radtan", 1, 3), HasSubstr("expected 4 numbers"));
+  EXPECT_THAT(kalibr("omni", "radtan", 0, 5), HasSubstr("expected 5 numbers"));
+  EXPECT_THAT(kalibr("pinhole", "equidistant", 0, 2), HasSubstr("has 4 coefficients, not 2"));
+  EXPECT_THAT(kalibr("omni", "equidistant", 1, 4), HasSubstr("'omni equidistant' is not read"));
+  EXPECT_THAT(kalibr("pinhol", "radtan", 0, 4), HasSubstr("expected pinhole, omni, eucm or ds"));
+}
+
+// R and P of a pair whose second camera is 0.1 m below the first.
+TEST_F(CameraFiles, OfRosHoldABaselineInEitherDirection) {
+  const CameraFormat& format = *FindCameraFormat("ros", "");
+  const auto read = [&](const char* P) {
+    const std::string text =
+        "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [500, 0, 320, 0, 500, 240, 0, 0, "
+        "1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {data: [0, 0, 0, 0, 0]}\n"
+        "rectification_matrix: {data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
+        "projection_matrix: {data: [";
+    return ReadCameraFile(format, {.path = Write("a.yaml", text + P + "]}\n"), .image_size = {}})
+        .at(0)
+        .T_camera_rig.t;
+  };
+  EXPECT_LT(
+      (read("500, 0, 320, 0, 0, 400, 240, -40, 0, 0, 1, 0") - Eigen::Vector3d(0, -0.1, 0)).norm(),
+      1e-12);
+  EXPECT_LT(
+      (read("500, 0, 320, -50, 0, 400, 240, 0, 0, 0, 1, 0") - Eigen::Vector3d(-0.1, 0, 0)).norm(),
+      1e-12);
+}
+
+TEST_F(CameraFiles, OfOrbSlam2HaveTheLeftCameraFirstAndMayBeFisheyes) {
+  const CameraFormat& format = *FindCameraFormat("orbslam2", "");
+  CalibratedCamera left = Example(format, *FindModel(CameraModels(), "pinhole"), "left"),
+                   right = left;
+  right.name = "right";
+  right.T_camera_rig.t = {-0.1, 0, 0};
+  EXPECT_THAT(format.write({left, right}), HasSubstr("Camera.bf: "));
+  EXPECT_THAT(testing::RefusalOf(
+                  [&] {
+                    format.write({right, left});
+                  },
+                  ErrorKind::kJob),
+              HasSubstr("give --camera left right"));
+  const std::string text =
+      "%YAML:1.0\nCamera.type: \"KannalaBrandt8\"\nCamera.fx: 190\nCamera.fy: 191\nCamera.cx: 250\n"
+      "Camera.cy: 251\nCamera.k1: 0.01\nCamera.k2: 0\nCamera.k3: 0\nCamera.k4: 0.02\n"
+      "Camera.width: 512\nCamera.height: 512\n";
+  EXPECT_EQ(
+      ReadCameraFile(format, {.path = Write("a.yaml", text), .image_size = {}}).at(0).model->name,
+      "kannala-brandt4");
+}
+
 }  // namespace TEST_FILE
 }  // namespace plenocal

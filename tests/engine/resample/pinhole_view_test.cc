@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -108,6 +109,12 @@ TEST(PinholeView, RefusesOptionsOutOfRange) {
   EXPECT_THROW(ChoosePinhole(images, {.fov = 0.5}), Error);
   EXPECT_THROW(ChoosePinhole(images, {.balance = -0.1}), Error);
   EXPECT_THROW(ChoosePinhole(images, {.balance = 1.1}), Error);
+}
+
+TEST(PinholeView, RefusesFocalLengthsThatNoCameraHas) {
+  for (const double f : {0.0, std::numeric_limits<double>::infinity()}) {
+    EXPECT_THROW(ChoosePinhole(std::vector{Pinhole(f, {319.5, 239.5})}, {}), Error) << f;
+  }
 }
 
 TEST(PinholeView, HasNameAndPoseOfItsCamera) {
