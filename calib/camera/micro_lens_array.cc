@@ -66,25 +66,33 @@ void CheckMicroLens(const CsvReader& table, const MicroLens& lens, ImageSize ima
   }
 }
 
+// True where an array's lattice vectors and the lattice fitted to its centres are as of one made.
+bool IsRegular(const MicroLensArray& array, const SmoothLattice& lattice) {
+  Eigen::Matrix2d basis;
+  basis << array.e_column, array.e_row;
+  // The area of a cell: of a hexagonal lattice sqrt(3)/2 of the lengths' product, of a rectangular
+  // one all of it.
+  const double cell = std::abs(basis.determinant());
+  const double product = array.e_column.norm() * array.e_row.norm();
+  const int longer = std::max(array.image_size[0], array.image_size[1]);
+  if (!(array.Pitch() < longer && cell > 0.5 * product)) return false;
+  // Odd rows that are counted from half a pitch farther scatter by a quarter of it.
+  if (!(lattice.Sigma() < array.Pitch() / 8)) return false;
+  // Where a row's number is left out, a cell is counted as two.
+  return std::ranges::all_of(array.lenses, [&](const MicroLens& lens) {
+    const double here = std::abs(lattice.Basis(lens.column, lens.row).determinant());
+    return std::max(here, cell) < std::numbers::sqrt2 * std::min(here, cell);
+  });
+}
+
 // The lattice vectors of an array from a file; a lattice that no array has is refused.
 void SetLatticeOfFile(const std::filesystem::path& path, MicroLensArray* array) {
-  double scatter = 0;
   try {
-    scatter = SetLatticeVectors(array);
+    if (IsRegular(*array, SetLatticeVectors(array))) return;
   } catch (const Error& error) {
     throw InputError("{}: {}", path.string(), error.what());
   }
-  Eigen::Matrix2d basis;
-  basis << array->e_column, array->e_row;
-  // The determinant of a hexagonal lattice is sqrt(3)/2 of the lengths' product, of a rectangular
-  // one all of it.
-  const double product = array->e_column.norm() * array->e_row.norm();
-  const int longer = std::max(array->image_size[0], array->image_size[1]);
-  // Odd rows that are counted from half a pitch farther scatter by a quarter of it.
-  const bool fits = scatter < array->Pitch() / 8;
-  if (!(fits && array->Pitch() < longer && std::abs(basis.determinant()) > 0.5 * product)) {
-    throw InputError("{}: rows and columns do not belong to the centres", path.string());
-  }
+  throw InputError("{}: rows and columns do not belong to the centres", path.string());
 }
 
 }  // namespace
@@ -100,7 +108,7 @@ bool HasTilt(const CameraModel& model) {
          std::ranges::find(model.params, "t_x", &Param::name) != model.params.end();
 }
 
-double SetLatticeVectors(MicroLensArray* array) {
+SmoothLattice SetLatticeVectors(MicroLensArray* array) {
   std::vector<LatticeMeasurement> measurements;
   for (const MicroLens& lens : array->lenses) {
     measurements.push_back({.node = {lens.column, lens.row}, .position = lens.centre});
@@ -111,7 +119,7 @@ double SetLatticeVectors(MicroLensArray* array) {
   const Eigen::Matrix2d basis = lattice.Basis(middle.x(), middle.y());
   array->e_column = basis.col(0);
   array->e_row = basis.col(1);
-  return lattice.Sigma();
+  return lattice;
 }
 
 std::optional<size_t> NumberLensTypes(MicroLensArray* array) {

@@ -68,9 +68,9 @@ struct MicroLensArray {
 /// True where the array's tilt against the sensor is among a model's parameters.
 bool HasTilt(const CameraModel& model);
 
-/// Sets the lattice vectors from rows, columns and centres. Returns the robust standard deviation
-/// of a centre's coordinates about the lattice, px. Throws `Error` for too few micro lenses.
-double SetLatticeVectors(MicroLensArray* array);
+/// Sets the lattice vectors from rows, columns and centres. Returns the lattice fitted to them.
+/// Throws `Error` for too few micro lenses.
+SmoothLattice SetLatticeVectors(MicroLensArray* array);
 
 /// Numbers the types from 0 without gaps, in the order of their numbers, and counts them. Returns
 /// the first micro lens of a type too many, if there is one: at most `kMostLensTypes` are kept.

@@ -165,12 +165,10 @@ std::vector<CalibratedCamera> ReadColmap(const CameraSource& source) {
     std::string& name = camera.model;
     std::vector<double>& values = camera.params;
     if (name == kEquirectangular) {
-      if (values.size() != 2) throw InputError("{}: expected width and height", camera.where);
       cameras.push_back(PanoramaCamera(camera.image_size, ColmapPanorama(values[0], values[1])));
       cameras.back().name = fmt::format("camera{}", camera.id);
       continue;
     }
-    if (values.size() < 3) throw InputError("{}: expected at least f, cx, cy", camera.where);
     // Models with one focal length, by the name of the same model with two.
     static const std::map<std::string_view, const char*> kSimple{
         {"SIMPLE_PINHOLE", "PINHOLE"},

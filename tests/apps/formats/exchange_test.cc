@@ -754,9 +754,11 @@ TEST_F(Exchange, FilesThatAreWrongAreNamed) {
     EXPECT_TRUE(Files("out").empty());
   };
   const std::string kalibr = Export("kalibr", "right");
-  refused("kalibr", Replaced(kalibr, "intrinsics: [", "intrinsics: [x, "), {"bad.file:", "'x'"});
+  refused("kalibr", Replaced(kalibr, "intrinsics: [5", "intrinsics: [x"), {"bad.file:", "'x"});
   refused("kalibr", Replaced(kalibr, "radtan", "radtam"), {"bad.file:", "radtam"});
-  refused("kalibr", Replaced(kalibr, "0.0, 0.0]", "0.0, 0.0, 0.5]"), {"bad.file:", "0.5"});
+  refused("kalibr",
+          Replaced(kalibr, "0.0, 0.0]", "0.0, 0.0, 0.5]"),
+          {"bad.file:", "4 coefficients, not 5"});
   refused("colmap", "1 FULL_OPENCV 640 480 500", {"bad.file:1:", "PARAMS"});
   refused("colmap", "1 PINHOLE 640 480 500 500 nan 240 0.1", {"bad.file:1:", "nan"});
   refused("dso", "RadTan 1 1 0.5 0.5 0 0 0 0\n", {"bad.file:1:", "second line"});

@@ -766,7 +766,7 @@ TEST_F(ForeignCameras, APanoramaOfColmapHasItsSizeAsParameters) {
   });
   ExpectBack("colmap", {camera});
   ExpectRefused(
-      "colmap", "1 EQUIRECTANGULAR 2000 1000 2000 1000 3\n", {"file:1", "width and height"});
+      "colmap", "1 EQUIRECTANGULAR 2000 1000 2000 1000 3\n", {"file:1", "2 parameters, not 3"});
 }
 
 TEST_F(ForeignCameras, FourteenCoefficientsOfRosAreReadAndNotWritten) {

@@ -135,6 +135,14 @@ TEST_F(MicroLensFile, WithOneOfSevenColumnNumbersIsRefused) {
   EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
 }
 
+// A polynomial of a high degree bends enough to fit them.
+TEST_F(MicroLensFile, WhoseRowNumbersAreDoubledFromTheMiddleOnIsRefused) {
+  MicroLensArray array = Example();
+  for (MicroLens& lens : array.lenses) lens.row += std::max(0, lens.row - 1);
+  Write(FormatMicroLenses(array));
+  EXPECT_THAT(Message(), ::testing::EndsWith("rows and columns do not belong to the centres"));
+}
+
 TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
   double last = 0;
   for (const MicroLens& lens : Example().lenses) last = std::max(last, lens.centre.x());
