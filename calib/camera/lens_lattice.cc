@@ -246,10 +246,7 @@ class LatticeGrowth {
       for (const LatticeNode& step : neighbours_) {
         const LatticeNode next = node + step;
         if (positions_.contains(next)) continue;
-        const Vector2d predicted = Predict(next);
-        // A node on the border may be predicted just beside it.
-        if (!IsInside(predicted, image_size_, Reach())) continue;
-        const std::optional<size_t> found = index_.Nearest(predicted, Reach());
+        const std::optional<size_t> found = index_.Nearest(Predict(next), Reach());
         // Around a hole the lattice grows through its neighbours.
         if (found && !taken_[*found]) Take(next, *found);
       }

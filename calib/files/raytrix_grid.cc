@@ -137,27 +137,50 @@ std::string PointXml(std::string_view name, std::string_view units, const Vector
       -p.y());  // y up
 }
 
-bool HasOneOrThreeTypes(const MicroLensArray& array) {
-  if (array.types == 1) return true;
-  std::map<int, int> type_of_set;
+/// The type of each interleaved set; nothing where types are arranged otherwise.
+std::optional<TypeOfColour> TypesOfSets(const MicroLensArray& array) {
+  TypeOfColour type_of_colour;
   for (const MicroLens& lens : array.lenses) {
-    const int set = kThreeInterleaved.Set({lens.column, lens.row});
-    if (type_of_set.emplace(set, lens.type).first->second != lens.type) return false;
+    const int set = array.types == 1 ? 0 : kThreeInterleaved.Set({lens.column, lens.row});
+    if (type_of_colour.emplace(set, lens.type).first->second != lens.type) return std::nullopt;
   }
-  return array.types == 3;
+  if (array.types != 1 && array.types != 3) return std::nullopt;
+  return type_of_colour;
 }
 
-std::string TypesXml(const MicroLensArray& array,
+/// Steps (column, row) of the bases of a lattice in a file of RxLive: those nearest to the x axis
+/// or, of a lattice turned by more than 15 degrees from it, those nearest to the y axis.
+struct RaytrixBases {
+  Eigen::Matrix2i steps = Eigen::Matrix2i::Identity();
+  double along = 0;  // of base x, rad, y up
+
+  explicit RaytrixBases(const Matrix2d& basis) {
+    const double rotation = -std::atan2(basis(1, 0), basis(0, 0));
+    if (std::abs(rotation) < std::numbers::pi / 12) return;
+    along = std::numbers::pi / 2;
+    if (rotation > 0) {
+      steps << 1, 1, -1, 0;
+    } else {
+      steps << 0, 1, -1, -1;
+    }
+  }
+};
+
+std::string TypesXml(const TypeOfColour& type_of_colour,
                      const MicroLens& middle,
-                     const Matrix2d& to_lens) {
+                     const Eigen::Vector2i& step,
+                     const Vector2d& base_x) {
+  std::map<int, Vector2d> offsets;
+  for (const int steps : {0, 1, -1}) {
+    const int set =
+        kThreeInterleaved.Set({middle.column + steps * step.x(), middle.row + steps * step.y()});
+    offsets.emplace(type_of_colour.size() == 1 ? 0 : type_of_colour.at(set),
+                    static_cast<double>(steps) * base_x);
+  }
   std::string text;
-  for (const Eigen::Vector2i& step : {Eigen::Vector2i(0, 0), {1, 0}, {0, 1}}) {
-    const auto found = std::ranges::find_if(array.lenses, [&](const MicroLens& lens) {
-      return lens.column == middle.column + step.x() && lens.row == middle.row + step.y();
-    });
-    if (found == array.lenses.end() || (!step.isZero() && array.types == 1)) continue;
-    text += fmt::format("  <lens_type id=\"{}\">\n", found->type);
-    text += PointXml("offset", "lens", to_lens * step.cast<double>(), 4);
+  for (const auto& [type, offset] : offsets) {
+    text += fmt::format("  <lens_type id=\"{}\">\n", type);
+    text += PointXml("offset", "lens", offset, 4);
     text +=
         "    <depth_range units=\"virtual_depth\">\n      <min>1</min>\n      <max>100</max>\n"
         "    </depth_range>\n  </lens_type>\n";
@@ -171,35 +194,40 @@ std::string RayCalibDataXml(const MicroLensArray& array) {
   if (array.Lattice() != LatticeKind::kHexagonal) {
     throw InputError("RayCalibData holds hexagonal lattices, this one is rectangular");
   }
-  if (!HasOneOrThreeTypes(array)) {
+  const std::optional<TypeOfColour> type_of_colour = TypesOfSets(array);
+  if (!type_of_colour) {
     throw InputError(
         "RayCalibData holds arrays of one lens type or of three interleaved "
         "ones; this one has {} in another pattern",
         array.types);
   }
   const RegularLattice lattice(array);
+  const RaytrixBases raytrix(lattice.basis);
   const Vector2d image_middle((array.image_size[0] - 1) / 2.0, (array.image_size[1] - 1) / 2.0);
-  const auto place = [&](const MicroLens& lens) -> Vector2d {
-    return lattice.origin + lattice.basis * Vector2d(lens.column, lens.row);
+  const auto offset = [&](const MicroLens& lens) -> Vector2d {
+    return lattice.origin + lattice.basis * Vector2d(lens.column, lens.row) - image_middle;
   };
   const MicroLens& middle = *std::ranges::min_element(array.lenses, {}, [&](const MicroLens& lens) {
-    return (place(lens) - image_middle).squaredNorm();
+    return std::pair(lens.type, offset(lens).norm());
   });
-  const double diameter = lattice.basis.col(0).norm();
-  const Matrix2d in_lenses = lattice.basis / diameter;
+  const Matrix2d neighbours = lattice.basis * raytrix.steps.cast<double>();
+  const double diameter = neighbours.col(0).norm();
+  // Of the angle the bases have whole right angles only.
+  const double rotation = -std::atan2(neighbours(1, 0), neighbours(0, 0));
+  const Matrix2d bases = Eigen::Rotation2Dd(rotation - raytrix.along) * neighbours / diameter;
   return fmt::format("<RayCalibData version=\"1.0\">\n{}",
-                     PointXml("offset", "pix", place(middle) - image_middle, 2)) +
+                     PointXml("offset", "pix", offset(middle), 2)) +
          fmt::format("  <diameter units=\"pix\">{:.12f}</diameter>\n", diameter) +
-         fmt::format("  <rotation units=\"rad\">{:.12f}</rotation>\n",
-                     -std::atan2(in_lenses(1, 0), in_lenses(0, 0))) +
+         fmt::format("  <rotation units=\"rad\">{:.12f}</rotation>\n", rotation) +
          "  <lens_border units=\"pix\">1</lens_border>\n  <tcp units=\"virtual_depth\">2</tcp>\n" +
-         PointXml("lens_base_x", "lens", in_lenses.col(0), 2) +
-         PointXml("lens_base_y", "lens", in_lenses.col(1), 2) +
-         PointXml("sub_grid_base", "lens", in_lenses * Vector2d(1, 1), 2) +
+         PointXml("lens_base_x", "lens", bases.col(0), 2) +
+         PointXml("lens_base_y", "lens", bases.col(1), 2) +
+         PointXml("sub_grid_base", "lens", 2 * (bases.col(0) + bases.col(1)), 2) +
          "  <distortion type=\"radial\">\n    <function>constant</function>\n"
          "    <parameter count=\"0\">0</parameter>\n" +
          PointXml("offset", "pix", {0, 0}, 4) + "  </distortion>\n" +
-         TypesXml(array, middle, in_lenses) + "</RayCalibData>\n";
+         TypesXml(*type_of_colour, middle, raytrix.steps.col(0), bases.col(0)) +
+         "</RayCalibData>\n";
 }
 
 std::string UnusedRayCalibData(const std::filesystem::path& path) {

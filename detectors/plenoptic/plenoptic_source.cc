@@ -3,12 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <string>
 #include <utility>
 
 #include "calib/base/error.h"
 #include "calib/files/raytrix_grid.h"
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
+#include "detectors/plenoptic/white/micro_lens_grid.h"
 #include "detectors/plenoptic/white/white_camera.h"
 
 namespace plenocal {
@@ -52,6 +54,13 @@ PlenopticCamera CameraFromFiles(const PlenopticSource& source,
     if (!unused.empty()) message("  " + unused);
   } else {
     camera.array = ReadMicroLenses(source.grid, size);
+  }
+  const std::string misplaced = MisplacedCells(camera.attenuation, camera.array);
+  if (!misplaced.empty()) {
+    throw InputError("{}: the grid does not fit the attenuation in {}: {}",
+                     source.grid.string(),
+                     source.vignetting.string(),
+                     misplaced);
   }
   return camera;
 }

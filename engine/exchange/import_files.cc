@@ -6,6 +6,7 @@
 
 #include "calib/base/format_error.h"
 #include "calib/base/names.h"
+#include "calib/base/quoted_text.h"
 #include "calib/files/calibration_file.h"
 #include "calib/io/input_file.h"
 #include "calib/io/output_folder.h"
@@ -16,8 +17,10 @@
 namespace plenocal {
 namespace {
 
-/// A name that can be a key and part of file names.
+/// A name that can be a key and part of file names: as it is or, if it cannot be one, without its
+/// unusual characters.
 std::string NameInFile(std::string name) {
+  if (!CameraNameDefect(name)) return name;
   for (char& c : name) {
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '-') c = '_';
   }

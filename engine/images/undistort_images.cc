@@ -68,8 +68,10 @@ UndistortedImages UndistortOrdinary(const UndistortJob& job) {
 constexpr double kScale = 2;  // raw px per pixel of the virtual image, as for `plenocal focus`
 
 void CheckPlenopticJob(const UndistortJob& job) {
-  if (!job.request.settings.photometric.empty()) {
-    throw InputError("--photometric: goes with ordinary cameras; '{}' is plenoptic",
+  const ResampleSettings& settings = job.request.settings;
+  if (!settings.photometric.empty() || settings.keep_vignetting) {
+    throw InputError("{}: goes with ordinary cameras; '{}' is plenoptic",
+                     settings.keep_vignetting ? "--keep-vignetting" : "--photometric",
                      job.camera.name);
   }
   if (job.camera.micro_lenses.empty()) {

@@ -26,6 +26,9 @@ std::vector<WhiteJob> SessionJobs(const WhiteRequest& request) {
   if (request.inputs.size() != 1 || std::filesystem::is_directory(request.inputs[0])) {
     throw InputError("white: give one session.yaml, or a folder or images with --model");
   }
+  if (!request.camera.empty() || request.bayer) {
+    throw InputError("white: --camera and --bayer go with --model; a session has both in its file");
+  }
   const Session session = OpenSession(request.inputs[0]);
   std::vector<WhiteJob> jobs;
   for (const SessionCamera& camera : session.cameras) {
@@ -64,7 +67,11 @@ WhiteJob FolderJob(const WhiteRequest& request) {
   return job;
 }
 
-void Write(const std::string& camera, const WhiteCamera& white, bool xml, OutputFolder* out) {
+void Write(const std::string& camera,
+           const WhiteCamera& white,
+           bool xml,
+           const Run& run,
+           OutputFolder* out) {
   out->Write(fmt::format("vignetting_{}.tiff", camera), white.attenuation_tiff);
   if (white.noise) {
     out->Write(fmt::format("noise_{}.yaml", camera), PhotonTransferYaml(*white.noise));
@@ -74,7 +81,14 @@ void Write(const std::string& camera, const WhiteCamera& white, bool xml, Output
   out->Write(fmt::format("lattice_{}.yaml", camera), FormatLatticeErrors(white.grid->array.errors));
   out->Write(fmt::format("grid_{}.png", camera), white.grid_png);
   if (!xml) return;
-  out->Write(fmt::format("micro_lenses_{}.xml", camera), RayCalibDataXml(white.grid->array));
+  std::string text;
+  try {
+    text = RayCalibDataXml(white.grid->array);
+  } catch (const Error& error) {
+    run.Warning(fmt::format("{}: the grid is not written as XML: {}", camera, error.what()));
+    return;
+  }
+  out->Write(fmt::format("micro_lenses_{}.xml", camera), text);
 }
 
 }  // namespace
@@ -104,7 +118,7 @@ std::vector<WhiteResult> MeasureWhiteImages(const WhiteRequest& request, const R
     if (run.stop.stop_requested()) throw Stopped();
     for (const std::string& warning : result.white.warnings) run.Warning(warning);
     ReportLeftOut(result.white.left_out, run);
-    if (out) Write(job.camera, result.white, request.xml, out.get());
+    if (out) Write(job.camera, result.white, request.xml, run, out.get());
   }
   if (out) out->Commit();
   return results;

@@ -123,7 +123,7 @@ ZRange DepthMatcher::Magnitudes() const {
   // The centres within radius / |z| of a point see it, one per cell of sqrt(3/4) pitch^2.
   const float seen_twice =
       patches_.radius_px / pitch * std::sqrt(std::numbers::pi_v<float> / (2 * std::sqrt(0.75f)));
-  return {1 / pitch, seen_twice};
+  return {1 / pitch - Step(), seen_twice};
 }
 
 float DepthMatcher::Step() const {

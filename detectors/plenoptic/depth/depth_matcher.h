@@ -46,8 +46,8 @@ class DepthMatcher {
   /// Keeps references to all of them.
   DepthMatcher(const LensPatches& patches, const MicroLensIndex& index, const SensorNoise& noise);
 
-  /// Whole range of |z|: from one pixel of parallax between neighbours to where a point is seen by
-  /// two micro images on average.
+  /// Whole range of |z|: from one pixel of parallax between neighbours, and a step of the search
+  /// below, to where a point is seen by two micro images on average.
   [[nodiscard]] ZRange Magnitudes() const;
   /// Step of the search in z.
   [[nodiscard]] float Step() const;

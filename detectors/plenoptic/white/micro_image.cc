@@ -320,8 +320,10 @@ MicroImage FitMicroImage(const ModelledImage& scene,
                          double radius,
                          const MicroImage& start) {
   constexpr int kSteps = 2;  // the caller repeats the fit with better profiles
-  // The error of the lattice is smaller: there is no micro image farther off or of another size.
-  constexpr double kMostMove = 1, kMostDoublings = 1;  // px; of the size
+  // There is no micro image farther off or of another size. Where the brightness changes by half
+  // over the radius, the first place is an eighth of it beside the centre.
+  const double most_move = std::max(1.0, radius / 8);  // px
+  constexpr double kMostDoublings = 1;                 // of the size
   using Vector = Eigen::Matrix<double, kParams, 1>;
   using Matrix = Eigen::Matrix<double, kParams, kParams>;
   MicroImage fit = start;
@@ -347,7 +349,7 @@ MicroImage FitMicroImage(const ModelledImage& scene,
     fit.gradient += change.segment<2>(3);
     fit.scale += change[5];
     // The logarithm of a negative size is not a number.
-    if ((fit.centre - start.centre).norm() > kMostMove ||
+    if ((fit.centre - start.centre).norm() > most_move ||
         !(std::abs(std::log2(fit.scale)) <= kMostDoublings)) {
       return start;
     }

@@ -4,6 +4,8 @@
 // one seed per cell, profile fit of each micro image, smooth lattice.
 #include "detectors/plenoptic/white/micro_lens_grid.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -12,6 +14,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "calib/base/format_error.h"
@@ -161,37 +164,6 @@ void SetLattice(const SmoothLattice& lattice,
   grid->array.errors = ErrorsOfFit(lattice, measurements, size);
 }
 
-/// Throws `Error` unless the cells of the grid are brighter in the middle than at their corners, as
-/// micro images are. Of a grid of another pitch half of them are.
-void CheckCells(const cv::Mat& white, const MicroLensArray& array) {
-  constexpr int kCorners = 6;
-  constexpr double kLeastShare = 0.75;  // half-way between both cases
-  const double radius = array.Pitch() / std::numbers::sqrt3;
-  const double turn =
-      std::atan2(array.e_column.y(), array.e_column.x()) + std::numbers::pi / kCorners;
-  double brighter = 0, all = 0;
-  for (const MicroLens& lens : array.lenses) {
-    const auto at = [&](const Vector2d& p) {
-      return white.at<float>(static_cast<int>(std::lround(p.y())),
-                             static_cast<int>(std::lround(p.x())));
-    };
-    if (!IsInside(lens.centre, {white.cols, white.rows}, -radius - 1)) continue;
-    double corners = 0;
-    for (int k = 0; k < kCorners; ++k) {
-      const double angle = turn + 2 * std::numbers::pi * k / kCorners;
-      corners += at(lens.centre + radius * Vector2d(std::cos(angle), std::sin(angle)));
-    }
-    brighter += at(lens.centre) > corners / kCorners ? 1 : 0;
-    ++all;
-  }
-  if (brighter >= kLeastShare * all) return;
-  throw JobError(
-      "the grid does not fit the white images: only {:.0f} % of its {} cells are brighter in the middle than "
-      "at their corners; it is of another camera or setting, or for images that are turned",
-      100 * brighter / all,
-      all);
-}
-
 }  // namespace
 
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
@@ -233,8 +205,40 @@ MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads) {
   return grid;
 }
 
+std::string MisplacedCells(const cv::Mat& white, const MicroLensArray& array) {
+  constexpr int kCorners = 6;
+  constexpr double kLeastShare = 0.75;  // half-way between both cases
+  const double radius = array.Pitch() / std::numbers::sqrt3;
+  const double turn =
+      std::atan2(array.e_column.y(), array.e_column.x()) + std::numbers::pi / kCorners;
+  double brighter = 0, all = 0;
+  for (const MicroLens& lens : array.lenses) {
+    const auto at = [&](const Vector2d& p) {
+      return white.at<float>(static_cast<int>(std::lround(p.y())),
+                             static_cast<int>(std::lround(p.x())));
+    };
+    if (!IsInside(lens.centre, {white.cols, white.rows}, -radius - 1)) continue;
+    double corners = 0;
+    for (int k = 0; k < kCorners; ++k) {
+      const double angle = turn + 2 * std::numbers::pi * k / kCorners;
+      corners += at(lens.centre + radius * Vector2d(std::cos(angle), std::sin(angle)));
+    }
+    const double centre = at(lens.centre);
+    brighter += centre > corners / kCorners ? 1 : 0;
+    all += centre != corners / kCorners ? 1 : 0;
+  }
+  if (brighter >= kLeastShare * all) return "";
+  return fmt::format(
+      "only {:.0f} % of its {} cells are brighter in the middle than at their corners; it is of "
+      "another camera or setting, or for images that are turned",
+      100 * brighter / all,
+      all);
+}
+
 MicroLensGrid MeasureMicroLensGrid(const cv::Mat& white, MicroLensArray array, int threads) {
-  CheckCells(white, array);
+  if (const std::string reason = MisplacedCells(white, array); !reason.empty()) {
+    throw JobError("the grid does not fit the white images: {}", reason);
+  }
   std::vector<LatticeNode> nodes;
   std::vector<Vector2d> centres;
   std::vector<int> types;

@@ -3,6 +3,7 @@
 // Search for the micro lenses in a white image.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "calib/camera/micro_lens_array.h"
@@ -32,6 +33,11 @@ struct MicroLensGrid {
 /// Finds all micro lenses whose micro-image centre is on the sensor. `white`: CV_32F, mean white
 /// image, Bayer planes of one level. Throws `Error` of kind kJob when there is no lattice.
 MicroLensGrid FindMicroLensGrid(const cv::Mat& white, int threads);
+
+/// The reason why the cells of a grid do not fit a white image or an attenuation (CV_32F), or
+/// nothing: micro images are brighter in the middle than at their corners; of cells of another
+/// pitch half are. Cells of one value do not count.
+std::string MisplacedCells(const cv::Mat& white, const MicroLensArray& array);
 
 /// Measures the micro images at the centres of a grid from another source. Keeps its centres and
 /// lens types; sets `usable`. Throws `Error` of kind kJob when the grid is of another camera.

@@ -128,7 +128,7 @@ TEST_F(WhiteCommand, LeavesOutAnImageThatDiffers) {
 }
 
 TEST_F(WhiteCommand, SaysThatFewMicroImagesDoNotShowTheirErrors) {
-  WriteWhites(Render({.size = {130, 100}, .pitch = 17}).white);
+  WriteWhites(Render({.size = {150, 110}, .pitch = 19}).white);
   const Outcome outcome = White();
   ASSERT_EQ(outcome.status, kDone) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("fewer than 60 whole micro images"));
@@ -198,6 +198,30 @@ TEST_F(WhiteCommand, SaysThatACameraIsNotPlenoptic) {
 TEST_F(WhiteCommand, SuggestsTheNearestModel) {
   WriteWhites(Shading());
   ExpectRefused(kWrongInput, {"did you mean 'focused-plenoptic'"}, "focussed-plenoptic");
+}
+
+TEST_F(WhiteCommand, OfASessionTakesNoOptionsOfImages) {
+  Write("session.yaml", "plenocal: 1\n");
+  for (const std::vector<std::string>& options :
+       {std::vector<std::string>{"--camera", "left"}, {"--bayer", "RGGB"}}) {
+    const Outcome outcome = Run({"white", "session.yaml", options[0], options[1], "-o", "out"});
+    EXPECT_EQ(outcome.status, kWrongInput);
+    EXPECT_THAT(outcome.err, HasSubstr("--camera and --bayer go with --model"));
+  }
+}
+
+// Only the XML file cannot hold it.
+TEST_F(WhiteCommand, KeepsTheResultsOfARectangularGridThatHasNoXml) {
+  WhiteField field = kField;
+  field.lattice = LatticeKind::kRectangular;
+  field.types = 1;
+  WriteWhites(Render(field).white);
+  const Outcome outcome =
+      Run({"white", "white", "--model", "focused-plenoptic", "--xml", "-o", "out"});
+  ASSERT_EQ(outcome.status, kDone) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("white: the grid is not written as XML: RayCalibData holds"));
+  EXPECT_FALSE(Read("out/micro_lenses_white.csv").empty());
+  EXPECT_FALSE(fs::exists(Path("out/micro_lenses_white.xml")));
 }
 
 TEST_F(WhiteCommand, TakesTheGridOfARayCalibDataFile) {

@@ -745,6 +745,17 @@ TEST_F(Exchange, WhatAFormatCannotHoldIsRefusedWithTheWayOut) {
       {"'lef'", "'left'"});
 }
 
+TEST_F(Exchange, NamesOfFilesAreThoseOfCamerasWhereTheyMayBe) {
+  const std::string model = Export("mrcal", "right");
+  for (const auto& [file, camera] :
+       {std::pair("right.v2.cameramodel", "right.v2"), {"right 2.cameramodel", "right_2"}}) {
+    Write(file, model);
+    const Outcome outcome = Run({"import", file, "--format", "mrcal", "-o", "named"});
+    ASSERT_EQ(outcome.status, kDone) << outcome.err;
+    EXPECT_TRUE(YAML::Load(Read("named/calibration.yaml"))["cameras"][camera]) << camera;
+  }
+}
+
 TEST_F(Exchange, FilesThatAreWrongAreNamed) {
   const auto refused = [&](const std::string& format,
                            const std::string& text,

@@ -242,6 +242,8 @@ TEST_F(VirtualView, CloudsAreInMetresAndWhatCannotBeIsRefused) {
            "--cloud",
            "c.ply"},
           "--cloud");
+  refused({"undistort", calibration, "--camera", "plenoptic", raw, "--keep-vignetting", "-o", "o"},
+          "--keep-vignetting: goes with ordinary cameras; 'plenoptic' is plenoptic");
   refused({"undistort",
            calibration,
            "--camera",

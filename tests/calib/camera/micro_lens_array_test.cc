@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <pugixml.hpp>
 #include <regex>
 #include <string>
 #include <string_view>
@@ -159,6 +160,21 @@ TEST_F(MicroLensFile, TakesAMicroLensOnTheBorderOfTheSensor) {
   EXPECT_EQ(ReadMicroLenses(path_, kSize).lenses.size(), Example().lenses.size());
 }
 
+// As other programs list them.
+TEST_F(MicroLensFile, TakesMicroLensesBesideTheImage) {
+  std::string text = "index,x,y,type\n";
+  int index = 0;
+  for (int row = -12; row <= 12; ++row) {
+    for (int column = -16; column <= 16; ++column) {
+      text += std::to_string(index++) + "," +
+              std::to_string(140 + kPitch * (column + row % 2 / 2.0)) + "," +
+              std::to_string(90 + kPitch * row * std::sqrt(0.75)) + ",0\n";
+    }
+  }
+  Write(text);
+  EXPECT_EQ(ReadMicroLenses(path_, kSize).lenses.size(), 33U * 25);
+}
+
 TEST_F(MicroLensFile, NamesTheLineOfABadNumber) {
   Write("index,x,y,type\n0,1.5,2.5,0\n1,oops,2.5,0\n");
   EXPECT_THAT(Message(),
@@ -186,42 +202,83 @@ TEST(RayCalibData, RealFilesGiveTheirPitchRotationAndTypes) {
     EXPECT_NEAR(std::remainder(angle - c.rotation_deg, 60), 0, 1e-5) << c.file;
     const double expected = 964 * 670 / (c.pitch * c.pitch * std::sqrt(0.75));
     EXPECT_NEAR(static_cast<double>(array.lenses.size()), expected, 0.1 * expected);
+    // Written again, each number is that of RxLive but for the micro lens that <offset> names. One
+    // file has its bases upside down.
+    if (array.Pitch() > 38) continue;
+    pugi::xml_document real, written;
+    ASSERT_TRUE(real.load_file((folder / c.file).c_str()));
+    ASSERT_TRUE(written.load_string(RayCalibDataXml(array).c_str()));
+    for (const char* path : {"diameter",
+                             "rotation",
+                             "lens_base_x/x",
+                             "lens_base_x/y",
+                             "lens_base_y/x",
+                             "lens_base_y/y",
+                             "sub_grid_base/x",
+                             "sub_grid_base/y",
+                             "lens_type[@id='0']/offset/x",
+                             "lens_type[@id='0']/offset/y",
+                             "lens_type[@id='1']/offset/x",
+                             "lens_type[@id='1']/offset/y",
+                             "lens_type[@id='2']/offset/x",
+                             "lens_type[@id='2']/offset/y"}) {
+      const auto number = [&](const pugi::xml_document& document) {
+        return document.child("RayCalibData").select_node(path).node().text().as_double(1e9);
+      };
+      EXPECT_NEAR(number(written), number(real), 2e-6) << c.file << ": " << path;
+    }
   }
 }
 
 TEST(RayCalibData, IsReadAsItIsWritten) {
-  for (const int types : {1, 3}) {
-    MicroLensArray array;
-    array.image_size = {400, 300};
-    array.types = types;
-    const Eigen::Vector2d e_column(17.3, 1.4), origin(201.2, 148.7);
-    const Eigen::Vector2d e_row = Eigen::Rotation2Dd(std::numbers::pi / 3) * e_column;
-    for (int row = -20; row <= 20; ++row) {
-      for (int column = -20; column <= 20; ++column) {
-        const Eigen::Vector2d c = origin + column * e_column + row * e_row;
-        if (!IsInside(c, array.image_size)) continue;
-        array.lenses.push_back(
-            {.row = row,
-             .column = column,
-             .centre = c,
-             .type = types == 1 ? 0 : (kThreeInterleaved.Set({column, row}) + 1) % 3});
+  // Degrees of the rows: near the x axis, then near the y axis on either side.
+  for (const double turned : {4.6, -1.0, 14.0, 16.0, 29.5, -16.0, -29.5}) {
+    for (const int types : {1, 3}) {
+      MicroLensArray array;
+      array.image_size = {400, 300};
+      array.types = types;
+      const Eigen::Vector2d origin(201.2, 148.7);
+      const Eigen::Rotation2Dd sixty(std::numbers::pi / 3);
+      const Eigen::Vector2d e_column =
+          Eigen::Rotation2Dd(turned * std::numbers::pi / 180) * Eigen::Vector2d(17.36, 0);
+      const Eigen::Vector2d e_row = 1.001 * (sixty * e_column);
+      for (int row = -25; row <= 25; ++row) {
+        for (int column = -25; column <= 25; ++column) {
+          const Eigen::Vector2d c = origin + column * e_column + row * e_row;
+          if (!IsInside(c, array.image_size)) continue;
+          array.lenses.push_back(
+              {.row = row,
+               .column = column,
+               .centre = c,
+               .type = types == 1 ? 0 : (kThreeInterleaved.Set({column, row}) + 1) % 3});
+        }
       }
-    }
-    SetLatticeVectors(&array);
-    const testing::TemporaryFolder files;
-    const MicroLensArray read =
-        ReadRayCalibData(files.Write("a.xml", RayCalibDataXml(array)), array.image_size);
-    EXPECT_EQ(read.types, types);
-    ASSERT_EQ(read.lenses.size(), array.lenses.size());
-    size_t checked = 0;
-    for (const MicroLens& lens : array.lenses) {
-      for (const MicroLens& other : read.lenses) {
-        if ((lens.centre - other.centre).norm() > 1e-6) continue;
-        EXPECT_EQ(other.type, lens.type);
-        ++checked;
+      SetLatticeVectors(&array);
+      const testing::TemporaryFolder files;
+      const std::string text = RayCalibDataXml(array);
+      // As RxLive writes it: bases along an axis, lens type 0 at the offset.
+      const bool upright = std::abs(turned) < 15;
+      EXPECT_THAT(
+          text,
+          ::testing::ContainsRegex(upright ? "<lens_base_x units=\"lens\">[^<]*<x>1.0000000*</x>"
+                                           : "<lens_base_x units=\"lens\">[^<]*<x>-?0.0000000*</x>"
+                                             "[^<]*<y>1.0000000*</y>"));
+      EXPECT_THAT(text,
+                  ::testing::ContainsRegex("<lens_type id=\"0\">[^<]*<offset units=\"lens\">"
+                                           "[^<]*<x>-?0.0*</x>[^<]*<y>-?0.0*</y>"));
+      const MicroLensArray read = ReadRayCalibData(files.Write("a.xml", text), array.image_size);
+      EXPECT_EQ(read.types, types);
+      ASSERT_EQ(read.lenses.size(), array.lenses.size());
+      size_t checked = 0;
+      for (const MicroLens& lens : array.lenses) {
+        for (const MicroLens& other : read.lenses) {
+          if ((lens.centre - other.centre).norm() > 1e-6) continue;
+          EXPECT_EQ(other.type, lens.type);
+          ++checked;
+        }
       }
+      EXPECT_EQ(checked, array.lenses.size()) << turned;
     }
-    EXPECT_EQ(checked, array.lenses.size());
   }
 }
 

@@ -130,6 +130,8 @@ INSTANTIATE_TEST_SUITE_P(
         WhiteField{.size = {700, 600}, .pitch = 34.9, .rotation_deg = 12},
         WhiteField{.size = {900, 800}, .pitch = 60, .rotation_deg = -25},
         WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .distortion = -0.003},
+        // Their first places are more than a pixel off.
+        WhiteField{.size = {900, 800}, .pitch = 60, .types = 1, .tilt = 0.006},
         WhiteField{.size = {436, 436},
                    .pitch = 15.57,
                    .rotation_deg = 0.3,
@@ -202,7 +204,7 @@ TEST(MicroLensGrid, TurnedAndDarkerImagesGiveTheSameGrid) {
 TEST(MicroLensGrid, ResultsOnHardFieldsAreTheSameAsBefore) {
   const std::vector<std::pair<WhiteField, double>> cases{
       {{.size = {260, 200}, .pitch = 7, .level = 400, .images = 2, .gain_scatter = 0.1}, -55.5292},
-      {{.size = {320, 240}, .pitch = 23, .distortion = 0.02, .fill = 1.1, .tilt = 0.02}, 163.6340},
+      {{.size = {320, 240}, .pitch = 23, .distortion = 0.02, .fill = 1.1, .tilt = 0.02}, -62.0222},
       {{.size = {320, 240},
         .pitch = 15,
         .types = 1,
@@ -220,7 +222,7 @@ TEST(MicroLensGrid, ResultsOnHardFieldsAreTheSameAsBefore) {
         .aspect = 1.1},
        -945.9875},
       {{.size = {220, 180}, .pitch = 33, .rotation_deg = 25, .tilt = -0.01, .gain_scatter = 0.03},
-       -100.6592}};
+       -100.8486}};
   for (size_t i = 0; i < cases.size(); ++i) {
     const auto& [field, expected] = cases[i];
     const cv::Mat drawn = Render(field).white;
