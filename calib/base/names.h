@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <iterator>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -28,6 +30,12 @@ inline std::vector<std::string_view> Words(std::string_view text) {
     text.remove_prefix(std::min(words.back().size() + 1, text.size()));
   }
   return words;
+}
+
+/// A name with its Latin letters in lower case.
+inline std::string LowerCase(std::string name) {
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
 }
 
 /// Names of the coordinates of T_camera_rig in messages and tables.

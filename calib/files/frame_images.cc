@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <map>
 #include <optional>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 #include "calib/base/quoted_text.h"
 
 namespace plenocal {
@@ -76,10 +76,7 @@ std::vector<FrameImage> MatchGlob(const std::string& pattern, const std::string&
 bool HasImageName(const std::filesystem::path& path) {
   static constexpr std::array kExtensions{
       ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm"};
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) {
-    return static_cast<char>(std::tolower(c));
-  });
+  const std::string extension = LowerCase(path.extension().string());
   return !path.filename().string().starts_with('.') &&
          std::ranges::find(kExtensions, extension) != kExtensions.end();
 }

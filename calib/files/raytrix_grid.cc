@@ -49,7 +49,11 @@ pugi::xml_node Load(const std::filesystem::path& path, pugi::xml_document* docum
   const pugi::xml_parse_result parsed =
       document->load_string(ReadTextFile(path, InputLimit::kDocument).c_str(),
                             pugi::parse_default | pugi::parse_trim_pcdata);
-  if (!parsed) Refuse(path, fmt::format("cannot be read as XML: {}", parsed.description()));
+  if (!parsed) {
+    Refuse(path,
+           fmt::format("cannot be read as XML: {}; expected a calibration file of RxLive",
+                       parsed.description()));
+  }
   const pugi::xml_node root = document->child("RayCalibData");
   if (!root) Refuse(path, "has no <RayCalibData>; expected a calibration file of RxLive");
   return root;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/base/names.h"
 #include "calib/files/raytrix_grid.h"
 #include "detectors/images/image.h"
 #include "detectors/plenoptic/depth/reconstruction.h"
@@ -48,7 +49,7 @@ PlenopticCamera CameraFromFiles(const PlenopticSource& source,
   if (source.vignetting.empty()) {
     message("  without white images or a vignetting file the grid is used unchecked");
   }
-  if (source.grid.extension() == ".xml") {
+  if (LowerCase(source.grid.extension().string()) == ".xml") {
     camera.array = ReadRayCalibData(source.grid, size);
     const std::string unused = UnusedRayCalibData(source.grid);
     if (!unused.empty()) message("  " + unused);

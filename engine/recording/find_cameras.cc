@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 #include "calib/base/number_text.h"
 #include "calib/files/frame_images.h"
 #include "engine/recording/image_names.h"
@@ -45,11 +46,6 @@ NameParts PartsOf(const FrameImage& file) {
     in_number = digit;
   }
   return parts;
-}
-
-std::string LowerCase(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
 }
 
 /// Files of one camera by a key of their names.

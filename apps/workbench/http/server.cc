@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 
 namespace plenocal::workbench {
 namespace {
@@ -46,9 +47,7 @@ Request ToRequest(const http::request<http::string_body>& message, Address targe
                   .headers = {},
                   .body = {}};
   for (const auto& field : message) {
-    std::string name(field.name_string());
-    for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    request.headers[name] = std::string(field.value());
+    request.headers[LowerCase(std::string(field.name_string()))] = std::string(field.value());
   }
   return request;
 }

@@ -2,7 +2,8 @@
 #include "engine/recording/messages/message_file.h"
 
 #include <algorithm>
-#include <cctype>
+
+#include "calib/base/names.h"
 
 namespace plenocal {
 
@@ -35,10 +36,7 @@ void MessageFile::AddMessage(MessageRef message, ByteSpan start) {
 }
 
 bool IsMessageFileName(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) {
-    return static_cast<char>(std::tolower(c));
-  });
+  const std::string extension = LowerCase(path.extension().string());
   return extension == ".mcap" || extension == ".bag" || extension == ".db3";
 }
 

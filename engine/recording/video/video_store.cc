@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 #include "calib/base/parallel.h"
 #include "calib/io/detection_cache.h"
 #include "calib/io/input_file.h"
@@ -153,10 +153,7 @@ std::string VideoStore::Hash(size_t index) const { return fmt::format("{} {}", h
 bool IsVideoName(const std::filesystem::path& path) {
   static constexpr std::array kExtensions{
       ".mp4", ".m4v", ".avi", ".mkv", ".mov", ".webm", ".mpg", ".mpeg", ".ts", ".wmv"};
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) {
-    return static_cast<char>(std::tolower(c));
-  });
+  const std::string extension = LowerCase(path.extension().string());
   return std::ranges::find(kExtensions, extension) != kExtensions.end();
 }
 

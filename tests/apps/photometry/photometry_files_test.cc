@@ -184,7 +184,7 @@ TEST_F(AttenuationFiles, AreComparedWithTheSigmasBesideThem) {
   WriteTiff("small.tiff", Image(10, 8, [](int, int) { return 1; }));
   EXPECT_EQ(Short(RefusalOf([&] { compare("other.tiff", "small.tiff"); })),
             "other.tiff is 12 x 8 pixels, small.tiff is 10 x 8; they must be of one camera");
-  WriteTiff("zero.tiff", Image(12, 8, [](int x, int y) { return x + y; }));
+  WriteTiff("zero.tiff", Image(12, 8, [](int x, int y) { return (x + y) / 20.0; }));
   EXPECT_EQ(
       Short(RefusalOf([&] { compare("zero.tiff", "other.tiff"); })),
       "zero.tiff: has values that are not positive; an attenuation is the share of light that reaches each pixel");

@@ -50,6 +50,12 @@ TEST_F(CameraOfFiles, HasTheGridOfRayCalibDataUncheckedWithoutVignetting) {
   EXPECT_THAT(messages_, ElementsAre(HasSubstr("the grid is used unchecked")));
 }
 
+TEST_F(CameraOfFiles, HasTheGridOfAFileInCapitals) {
+  Write("grid.XML", RayCalibDataXml(array_));
+  source_.grid = Path("grid.XML");
+  EXPECT_GE(Load().array.lenses.size(), array_.lenses.size());
+}
+
 TEST_F(CameraOfFiles, HasTheAttenuationOfItsFile) {
   source_.vignetting = Path("vignetting.tiff");
   source_.bayer = BayerOrder::kRggb;
