@@ -35,14 +35,15 @@ std::optional<LatticeShift> SignificantShift(std::span<const LatticeShift> image
 std::string ShiftText(const LatticeShift& shift) {
   return fmt::format(
       "the micro images lie up to {:.2f} px beside those of the white images (relative change of "
-      "the pitch {:+.1e} +- {:.1e}, rotation {:+.1e} rad, displacement {:+.2f}, {:+.2f} px): the "
+      "the pitch {:+.1e} +- {:.1e}, rotation {:+.1e} rad, displacement {:+.2f}, {:+.2f} px, each +- {:.2f}): the "
       "white images or the grid are of another focus or zoom, or the sensor has moved",
       shift.Largest(),
       shift.value[2] / shift.corner,
       shift.sigma[2] / shift.corner,
       shift.value[3] / shift.corner,
       shift.value[0],
-      shift.value[1]);
+      shift.value[1],
+      shift.sigma.head<2>().maxCoeff());
 }
 
 }  // namespace plenocal

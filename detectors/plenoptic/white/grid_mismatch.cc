@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
 namespace plenocal::internal {
@@ -138,14 +139,13 @@ std::optional<Sums<2>> ShiftOfCell(const cv::Mat& raw,
   return cell;
 }
 
-}  // namespace
-
-LatticeShift MeasureLatticeShift(const cv::Mat& raw,
-                                 const cv::Mat& attenuation,
-                                 const MicroLensArray& array,
-                                 const std::array<float, 4>& by_place) {
+/// `MeasureLatticeShift` to first order in the displacement.
+LatticeShift ShiftToFirstOrder(const cv::Mat& raw,
+                               const cv::Mat& attenuation,
+                               const MicroLensArray& array,
+                               const std::array<float, 4>& by_place) {
   constexpr size_t kCells = 4000;  // as many as are needed
-  constexpr double kReach = 2;     // px, of derivatives
+  constexpr double kBeside = 2;    // px, of derivatives
   // Neighbours show the same structure of the scene, so the scatter is that of blocks.
   constexpr int kBlocks = 4;  // along either side of the image
   const double radius = CellRadius(array);
@@ -153,7 +153,7 @@ LatticeShift MeasureLatticeShift(const cv::Mat& raw,
   std::array<Sums<4>, kBlocks * kBlocks> blocks;
   for (size_t i = 0; i < array.lenses.size(); i += 1 + array.lenses.size() / kCells) {
     const MicroLens& lens = array.lenses[i];
-    if (!IsWhole(lens, radius + kReach, raw)) continue;
+    if (!IsWhole(lens, radius + kBeside, raw)) continue;
     const auto cell = ShiftOfCell(raw, attenuation, lens.centre, radius, by_place);
     if (!cell) continue;
     const Eigen::Vector2d at = (lens.centre - middle) / middle.norm();
@@ -177,6 +177,36 @@ LatticeShift MeasureLatticeShift(const cv::Mat& raw,
     squares += (without.ldlt().solve(all.right - block.right) - shift.value).array().square();
   }
   shift.sigma = squares.sqrt();
+  return shift;
+}
+
+}  // namespace
+
+LatticeShift MeasureLatticeShift(const cv::Mat& raw,
+                                 const cv::Mat& attenuation,
+                                 const MicroLensArray& array,
+                                 const std::array<float, 4>& by_place) {
+  constexpr int kSteps = 10;
+  const Eigen::Vector2d middle(raw.cols / 2.0, raw.rows / 2.0);
+  LatticeShift shift = ShiftToFirstOrder(raw, attenuation, array, by_place);
+  double change = shift.Largest();
+  for (int step = 1; step < kSteps && change > kLeastLatticeShift; ++step) {
+    // From where they are displaced to by now.
+    const double stretch = 1 + shift.value[2] / shift.corner, turn = shift.value[3] / shift.corner;
+    Eigen::Matrix2d A;
+    A << stretch, -turn, turn, stretch;
+    const Eigen::Vector2d b = middle + shift.value.head<2>() - A * middle;
+    MicroLensArray there = array;
+    for (MicroLens& lens : there.lenses) lens.centre = A * lens.centre + b;
+    cv::Mat moved;
+    const cv::Matx23d map(A(0, 0), A(0, 1), b.x(), A(1, 0), A(1, 1), b.y());
+    cv::warpAffine(attenuation, moved, map, attenuation.size(), cv::INTER_CUBIC);
+    const LatticeShift rest = ShiftToFirstOrder(raw, moved, there, by_place);
+    if (rest.corner == 0) break;
+    shift.value += rest.value;
+    shift.sigma = rest.sigma;
+    change = rest.Largest();
+  }
   return shift;
 }
 

@@ -56,7 +56,7 @@ TEST(LatticeShift, TextHasTheChangeOfPitchAndTheRotation) {
   const std::string text = ShiftText(Image(0.3, 0.01));
   EXPECT_THAT(text, HasSubstr("up to 0.41 px"));
   EXPECT_THAT(text, HasSubstr("pitch -2.0e-04 +- 2.0e-05, rotation +8.0e-05 rad"));
-  EXPECT_THAT(text, HasSubstr("displacement +0.30, +0.02 px"));
+  EXPECT_THAT(text, HasSubstr("displacement +0.30, +0.02 px, each +- "));
 }
 
 }  // namespace TEST_FILE

@@ -131,6 +131,17 @@ TEST(MeasureLatticeShift, FindsDisplacementStretchAndTurn) {
   EXPECT_LT(squares, 9);
 }
 
+// As wide as the edges of the micro images.
+TEST(MeasureLatticeShift, FindsADisplacementOfSomePixels) {
+  const MicroLensArray array = kScene.Array();
+  const Eigen::Vector2d expected(2.1, -1.3);
+  const LatticeShift shift = MeasureLatticeShift(
+      RawOf(kScene, Moved(array, 1, 0, expected)), kScene.Attenuation(array), array, {1, 1, 1, 1});
+  EXPECT_LT((shift.value.head<2>() - expected).norm(), 0.05) << shift.value;
+  EXPECT_LT(shift.value.tail<2>().norm(), 0.05) << shift.value;
+  EXPECT_LT(shift.sigma.maxCoeff(), 0.05);
+}
+
 TEST(MeasureLatticeShift, TakesTheColoursOfAMosaicForOne) {
   const MicroLensArray array = kScene.Array();
   cv::Mat raw = RawOf(kScene, Moved(array, 1, 0, {0.3, 0}));
