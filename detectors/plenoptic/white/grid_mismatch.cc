@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 
 namespace plenocal::internal {
@@ -106,9 +105,10 @@ struct Sums {
 };
 
 /// Those of one cell for the displacement of its micro image, px, without gain and gradient of the
-/// scene; nothing for a cell without light.
+/// scene; the attenuation is displaced by `whole` pixels. Nothing for a cell without light.
 std::optional<Sums<2>> ShiftOfCell(const cv::Mat& raw,
                                    const cv::Mat& attenuation,
+                                   const Eigen::Vector2i& whole,
                                    const Eigen::Vector2d& centre,
                                    double radius,
                                    const std::array<float, 4>& by_place) {
@@ -116,7 +116,9 @@ std::optional<Sums<2>> ShiftOfCell(const cv::Mat& raw,
   Eigen::Matrix<double, 6, 6> sums = Eigen::Matrix<double, 6, 6>::Zero();
   double light = 0, white = 0, pixels = 0;
   ForEachPixel(centre, radius, [&](int x, int y) {
-    const auto v = [&](int dx, int dy) -> double { return attenuation.at<float>(y + dy, x + dx); };
+    const auto v = [&](int dx, int dy) -> double {
+      return attenuation.at<float>(y - whole.y() + dy, x - whole.x() + dx);
+    };
     const double i = raw.at<float>(y, x) * by_place[static_cast<size_t>(2 * (y & 1) + (x & 1))];
     Vector6d row;
     row << v(0, 0), v(0, 0) * (x - centre.x()) / radius, v(0, 0) * (y - centre.y()) / radius,
@@ -139,11 +141,12 @@ std::optional<Sums<2>> ShiftOfCell(const cv::Mat& raw,
   return cell;
 }
 
-/// `MeasureLatticeShift` to first order in the displacement.
-LatticeShift ShiftToFirstOrder(const cv::Mat& raw,
-                               const cv::Mat& attenuation,
-                               const MicroLensArray& array,
-                               const std::array<float, 4>& by_place) {
+/// `MeasureLatticeShift` to first order in what the displacement differs from `start`.
+LatticeShift ShiftFrom(const Eigen::Vector4d& start,
+                       const cv::Mat& raw,
+                       const cv::Mat& attenuation,
+                       const MicroLensArray& array,
+                       const std::array<float, 4>& by_place) {
   constexpr size_t kCells = 4000;  // as many as are needed
   constexpr double kBeside = 2;    // px, of derivatives
   // Neighbours show the same structure of the scene, so the scatter is that of blocks.
@@ -153,16 +156,19 @@ LatticeShift ShiftToFirstOrder(const cv::Mat& raw,
   std::array<Sums<4>, kBlocks * kBlocks> blocks;
   for (size_t i = 0; i < array.lenses.size(); i += 1 + array.lenses.size() / kCells) {
     const MicroLens& lens = array.lenses[i];
-    if (!IsWhole(lens, radius + kBeside, raw)) continue;
-    const auto cell = ShiftOfCell(raw, attenuation, lens.centre, radius, by_place);
-    if (!cell) continue;
     const Eigen::Vector2d at = (lens.centre - middle) / middle.norm();
     Eigen::Matrix<double, 2, 4> by_shift;
     by_shift << 1, 0, at.x(), -at.y(), 0, 1, at.y(), at.x();
+    const Eigen::Vector2i whole = (by_shift * start).array().round().cast<int>();
+    MicroLens moved = lens;
+    moved.centre += whole.cast<double>();
+    if (!IsWhole(lens, radius + kBeside, raw) || !IsWhole(moved, radius + kBeside, raw)) continue;
+    const auto cell = ShiftOfCell(raw, attenuation, whole, moved.centre, radius, by_place);
+    if (!cell) continue;
     Sums<4>& block = blocks[static_cast<size_t>(lens.centre.y() * kBlocks / raw.rows) * kBlocks +
                             static_cast<size_t>(lens.centre.x() * kBlocks / raw.cols)];
     block.normal += by_shift.transpose() * cell->normal * by_shift;
-    block.right += by_shift.transpose() * cell->right;
+    block.right += by_shift.transpose() * (cell->right + cell->normal * whole.cast<double>());
   }
   Sums<4> all;
   for (const Sums<4>& block : blocks) all.normal += block.normal, all.right += block.right;
@@ -187,25 +193,15 @@ LatticeShift MeasureLatticeShift(const cv::Mat& raw,
                                  const MicroLensArray& array,
                                  const std::array<float, 4>& by_place) {
   constexpr int kSteps = 10;
-  const Eigen::Vector2d middle(raw.cols / 2.0, raw.rows / 2.0);
-  LatticeShift shift = ShiftToFirstOrder(raw, attenuation, array, by_place);
+  LatticeShift shift = ShiftFrom(Eigen::Vector4d::Zero(), raw, attenuation, array, by_place);
   double change = shift.Largest();
   for (int step = 1; step < kSteps && change > kLeastLatticeShift; ++step) {
-    // From where they are displaced to by now.
-    const double stretch = 1 + shift.value[2] / shift.corner, turn = shift.value[3] / shift.corner;
-    Eigen::Matrix2d A;
-    A << stretch, -turn, turn, stretch;
-    const Eigen::Vector2d b = middle + shift.value.head<2>() - A * middle;
-    MicroLensArray there = array;
-    for (MicroLens& lens : there.lenses) lens.centre = A * lens.centre + b;
-    cv::Mat moved;
-    const cv::Matx23d map(A(0, 0), A(0, 1), b.x(), A(1, 0), A(1, 1), b.y());
-    cv::warpAffine(attenuation, moved, map, attenuation.size(), cv::INTER_CUBIC);
-    const LatticeShift rest = ShiftToFirstOrder(raw, moved, there, by_place);
-    if (rest.corner == 0) break;
-    shift.value += rest.value;
-    shift.sigma = rest.sigma;
-    change = rest.Largest();
+    // Below half a pixel the next step is the same; beyond the pitch there is nothing to find.
+    if (shift.Largest() < 0.5 || shift.Largest() > array.Pitch()) break;
+    const Eigen::Vector4d before = shift.value;
+    // The first order of edges narrower than the displacement is too small.
+    shift = ShiftFrom((step == 1 ? 2 : 1) * before, raw, attenuation, array, by_place);
+    change = (shift.value - before).norm();
   }
   return shift;
 }

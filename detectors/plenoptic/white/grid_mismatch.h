@@ -26,7 +26,7 @@ std::string GridMismatch(const cv::Mat& raw,
 /// Measures the displacement of the micro images of a raw image that `GridMismatch` accepts, by
 /// least squares: inside a cell it is V (1 + e . d + s . grad ln V) times a gain, V the
 /// attenuation, d from the cell's middle, e the scene's gradient and s the displacement, which is
-/// common to all cells but for pitch and rotation; repeated from where they are displaced to.
+/// common to all cells but for pitch and rotation; repeated from the nearest whole pixels.
 /// Standard errors are by the scatter of the cells. Not measured where V has no micro images.
 /// `by_place`: factors that make the four pixels of the 2 x 2 raster of a mosaic alike.
 LatticeShift MeasureLatticeShift(const cv::Mat& raw,
