@@ -201,7 +201,7 @@ LatticeShift MeasureLatticeShift(const cv::Mat& raw,
     const Eigen::Vector4d before = shift.value;
     // The first order of edges narrower than the displacement is too small.
     shift = ShiftFrom((step == 1 ? 2 : 1) * before, raw, attenuation, array, by_place);
-    change = (shift.value - before).norm();
+    if (step > 1) change = (shift.value - before).norm();
   }
   return shift;
 }
