@@ -116,7 +116,7 @@ Conversion Convert(const CalibratedCamera& camera, const CameraModel& model) {
   for (const CameraModel* each : {camera.model, &model}) {
     if (each->IsCentral() && each->config.empty()) continue;
     throw InputError(
-        "{} is no model of an ordinary camera; a camera can be converted only "
+        "{} is no model of an ordinary camera with a single centre; a camera can be converted only "
         "between these",
         each->name);
   }

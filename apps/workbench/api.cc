@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -75,9 +77,25 @@ std::string TextOf(const Json& body, const char* key) {
   return text.is_null() ? std::string() : text.get<std::string>();
 }
 
+// The text of a key that must be there.
+std::string NeededText(const Json& body, const char* key) {
+  const Json text = PartOf(body, key, &Json::is_string, "text");
+  if (text.is_null()) throw InputError("{}: expected text", key);
+  return text.get<std::string>();
+}
+
+int IntOf(const Json& number, const char* key) {
+  // Doubles hold more than the range, and large unsigned numbers as such.
+  const auto value = number.get<double>();
+  if (std::abs(value) > std::numeric_limits<int>::max()) {
+    throw InputError("{}: {} is too large", key, number.dump());
+  }
+  return number.get<int>();
+}
+
 int NumberOf(const Json& body, const char* key, int otherwise) {
   const Json number = PartOf(body, key, &Json::is_number_integer, "a number");
-  return number.is_null() ? otherwise : number.get<int>();
+  return number.is_null() ? otherwise : IntOf(number, key);
 }
 
 int NumberOf(const std::string& text, const char* what) {
@@ -114,7 +132,7 @@ ExcludeRule RuleOf(const Json& body) {
                    .note = TextOf(body, "note")};
   for (const Json& marker : PartOf(body, "markers", &Json::is_array, "a list")) {
     if (!marker.is_number_integer()) throw InputError("markers: expected numbers");
-    rule.markers.push_back(marker.get<int>());
+    rule.markers.push_back(IntOf(marker, "markers"));
   }
   if (rule.frame.empty() && rule.markers.empty()) {
     throw InputError("give the frame or the markers to exclude");
@@ -364,10 +382,11 @@ Answer Api::SessionRequest(const Request& request) {
   }
   if (Is(request, "GET", {"session"})) return SessionAnswer(project_->ReadVersion());
   if (Is(request, "PUT", {"session"})) {
-    return Changed(project_->Write(TextOf(BodyOf(request), "text"), request.Header("if-match")));
+    return Changed(
+        project_->Write(NeededText(BodyOf(request), "text"), request.Header("if-match")));
   }
   if (Is(request, "PUT", {"session", "target"})) {
-    WriteTarget(TextOf(BodyOf(request), "text"));
+    WriteTarget(NeededText(BodyOf(request), "text"));
     return Changed(project_->ReadVersion());
   }
   if (Is(request, "POST", {"session", "undo"})) return Changed(project_->Undo());

@@ -3,14 +3,18 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "calib/base/format_error.h"
+#include "calib/base/names.h"
 #include "calib/io/input_file.h"
 
 namespace plenocal {
@@ -39,7 +43,11 @@ class NumberLines {
       if (number_ == 1 && line_.starts_with("\xEF\xBB\xBF")) line_.remove_prefix(3);
       while (!line_.empty() && IsBlank(line_.front())) line_.remove_prefix(1);
       while (!line_.empty() && IsBlank(line_.back())) line_.remove_suffix(1);
-      if (line_.empty() || line_.front() == '#' || IsHeader()) continue;
+      if (line_.empty()) continue;
+      if (line_.front() == '#' || IsHeader()) {
+        if (!seen_ && HasCommas()) header_ = line_;
+        continue;
+      }
       seen_ = true;
       return true;
     }
@@ -47,6 +55,20 @@ class NumberLines {
   }
 
   [[nodiscard]] bool HasCommas() const { return line_.find(',') != std::string_view::npos; }
+
+  /// The names of the columns before the first numbers, in lower case without units; none where
+  /// there are none.
+  [[nodiscard]] std::vector<std::string> Columns() const {
+    std::vector<std::string> columns;
+    for (std::string_view rest = header_; !rest.empty();) {
+      std::string name(rest.substr(0, rest.find(',')));
+      rest.remove_prefix(std::min(rest.size(), name.size() + 1));
+      name.resize(std::min(name.size(), name.find('[')));
+      std::erase_if(name, [](char c) { return IsBlank(c) || c == '#'; });
+      columns.push_back(LowerCase(name));
+    }
+    return columns;
+  }
 
   /// Number of numbers in the line.
   [[nodiscard]] size_t Count() const {
@@ -101,15 +123,31 @@ class NumberLines {
   std::string path_;
   std::string_view text_;
   std::string_view line_;
+  std::string_view header_;
   int number_ = 0;
   bool seen_ = false;
 };
 
 enum class Form { kTum, kEuroc, kKitti };
 
+/// The form of a table between commas: that of EuRoC unless its columns are named in another order.
+Form FormOfTable(const NumberLines& lines) {
+  const std::vector<std::string> columns = lines.Columns();
+  if (!columns.empty() && columns[0] == "frame") {
+    lines.Fail("the first column has frames; write the time of each pose in their place");
+  }
+  const auto component = [&](char name) {
+    return std::ranges::find_if(columns, [&](const std::string& column) {
+      return column.starts_with('q') && column.ends_with(name);
+    });
+  };
+  const auto w = component('w');
+  return w != columns.end() && component('x') < w ? Form::kTum : Form::kEuroc;
+}
+
 Form FormOf(const NumberLines& lines) {
   const size_t count = lines.Count();
-  if (lines.HasCommas() && count >= 8) return Form::kEuroc;
+  if (lines.HasCommas() && count >= 8) return FormOfTable(lines);
   if (count == 8) return Form::kTum;
   if (count == 12) return Form::kKitti;
   lines.Fail(
@@ -207,7 +245,7 @@ void ReadKitti(const std::filesystem::path& times_path,
 /// Reads lines of time, position and quaternion from the current one on.
 void ReadQuaternions(Form form, NumberLines* lines, Trajectory* trajectory) {
   const bool is_euroc = form == Form::kEuroc;
-  const auto rest = is_euroc ? NumberLines::Rest::kIgnored : NumberLines::Rest::kNone;
+  const auto rest = lines->HasCommas() ? NumberLines::Rest::kIgnored : NumberLines::Rest::kNone;
   std::optional<double> unit;  // s, of the times
   do {
     std::array<double, 8> v{};
@@ -215,6 +253,12 @@ void ReadQuaternions(Form form, NumberLines* lines, Trajectory* trajectory) {
     const Eigen::Quaterniond q = is_euroc ? Eigen::Quaterniond(v[4], v[5], v[6], v[7])
                                           : Eigen::Quaterniond(v[7], v[4], v[5], v[6]);
     if (!unit) unit = is_euroc || v[0] > kNanosecondsAbove ? kNanosecond : 1;
+    if (is_euroc && v[0] != std::floor(v[0])) {
+      lines->Fail(fmt::format(
+          "time {} is no whole number of nanoseconds (EuRoC); for seconds write "
+          "'t x y z qx qy qz qw' between blanks, or name the columns timestamp,x,y,z,qx,qy,qz,qw",
+          v[0]));
+    }
     Append(*lines, v[0] * *unit, FromQuaternion(*lines, &v[1], q), trajectory);
   } while (lines->Next());
 }

@@ -117,9 +117,14 @@ class Resampler {
 
 }  // namespace
 
-void CheckImageNames(const std::vector<FrameImage>& images, const std::string& suffix) {
+void CheckImageNames(const std::vector<FrameImage>& images, const std::string& suffix, bool mask) {
   std::map<std::string, std::filesystem::path> seen;
   for (const FrameImage& image : images) {
+    if (mask && image.frame == "mask") {
+      throw InputError(
+          "{}: its result would have the name of the mask; rename it, or leave out --mask",
+          image.path.string());
+    }
     const auto [first, is_new] = seen.emplace(image.frame, image.path);
     if (!is_new) {
       throw InputError(

@@ -28,8 +28,10 @@ struct ResampleSettings {
 };
 
 /// Throws `Error` of kind kInput when the results of two images would have one name, which ends in
-/// `suffix`.
-void CheckImageNames(const std::vector<FrameImage>& images, const std::string& suffix = ".png");
+/// `suffix`, or that of an image would be the `mask` of the results.
+void CheckImageNames(const std::vector<FrameImage>& images,
+                     const std::string& suffix = ".png",
+                     bool mask = false);
 
 /// How the images of `camera`, one of `calibration`, are resampled.
 struct FolderResampling {

@@ -194,10 +194,16 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
   const Cameras cameras{&first.camera(), &second.camera()};
   RectifiedImages made{.pair = Rectify(*cameras[0], *cameras[1], request.view)};
   StereoImages found = FindImages(request, cameras);
-  for (const std::vector<FrameImage>& of_camera : found) CheckImageNames(of_camera);
+  for (const std::vector<FrameImage>& of_camera : found) {
+    CheckImageNames(of_camera, ".png", request.settings.mask);
+  }
   const StereoImages images = KeepPairs(std::move(found), run);
   if (request.preview && images[0].empty()) {
     throw InputError("--preview: there are no images; give LEFT RIGHT or --session");
+  }
+  for (const CalibratedCamera* camera : cameras) {
+    if (!request.preview || camera->name != "preview") continue;
+    throw InputError("--preview: a camera has the name of their folder, 'preview'");
   }
   OutputFolder out(request.out);
   out.RefuseInputs({"calibration.yaml"});

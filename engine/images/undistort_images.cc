@@ -179,7 +179,7 @@ UndistortedImages UndistortImages(const CalibrationRecord& calibration,
   const CalibratedCamera& camera = FindCamera(calibration, request.camera);
   const UndistortJob job{
       request, run, calibration, camera, FindImageInputs(request.images, "images")};
-  CheckImageNames(job.images);
+  CheckImageNames(job.images, ".png", job.request.settings.mask);
   return camera.model->plenoptic ? UndistortPlenoptic(job) : UndistortOrdinary(job);
 }
 

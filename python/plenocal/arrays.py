@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Iterable, Mapping, Union
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence, Union
 
 from .errors import InputError
 
@@ -55,6 +55,14 @@ def transform(value: Any, name: str) -> FloatArray:
     return matrix
 
 
+def pixels(size: Sequence[int], name: str, most: int = 2**31) -> tuple[int, int]:
+    """Width and height, each below `most`; raises `InputError`."""
+    values = [int(v) for v in size]
+    if len(values) != 2 or not all(0 < v < most for v in values):
+        raise InputError(f"{name}: expected width and height in pixels, found {size}")
+    return values[0], values[1]
+
+
 def table(columns: Mapping[str, Any]) -> Table:
     """A structured array of columns of equal length."""
     import numpy as np
@@ -82,7 +90,8 @@ def images_in_memory(images: Any) -> list[tuple[str, list[tuple[str, Any]]]]:
     for name, frames in cameras.items():
         if isinstance(frames, (str, os.PathLike)):
             return []
-        frames = [frames] if getattr(frames, "ndim", 0) == 2 else frames
+        if getattr(frames, "ndim", 0) == 2 or getattr(frames, "shape", ())[2:] == (3,):
+            frames = [frames]
         named = list(frames.items() if isinstance(frames, Mapping) else _numbered(frames))
         if any(isinstance(frame, (str, os.PathLike)) for _, frame in named):
             return []

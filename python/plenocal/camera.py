@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Iterable, NamedTuple, Sequence
 
 from . import _core
-from .arrays import floats, table, transform
+from .arrays import floats, pixels, table, transform
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -101,9 +101,10 @@ class Camera:
         values = _numbers(params, "params")
         if covariance is not None:
             covariance = floats(covariance, "covariance", len(values))
-        size = [int(v) for v in image_size]
-        if len(size) != 2 or not all(0 < v < 2**31 for v in size):
-            raise InputError(f"image_size: expected width and height in pixels, found {image_size}")
+            is_square = len(covariance) == len(values)
+            if not is_square or not np.allclose(covariance, covariance.T) or (np.diag(covariance) < 0).any():
+                raise InputError("covariance: expected a symmetric matrix without negative variances")
+        size = list(pixels(image_size, "image_size"))
         self._native = _core.Camera.make(
             str(name), str(model), size, values, _numbers(config, "config"), pose, covariance
         )

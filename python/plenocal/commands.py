@@ -14,7 +14,7 @@ import os
 from typing import TYPE_CHECKING, Any, Mapping, Sequence, TypeVar
 
 from . import _core
-from .arrays import images_in_memory, table
+from .arrays import images_in_memory, pixels, table
 from .calibration import Calibration
 from .errors import GradeError, InputError
 from .program import Progress, caller
@@ -70,6 +70,8 @@ def calibrate(
         raise InputError("calibrate: give a session, or images with a target")
     if require not in ("", *_GRADES[:2]):
         raise InputError(f"require: expected 'good' or 'usable', found '{require}'")
+    if frames < 0:
+        raise InputError(f"frames: expected a positive number, found {frames}")
     request = _with_options(_core.CalibrateRequest(), out, keep, fresh)
     request.exclude = list(exclude)
     request.frames = frames
@@ -386,13 +388,8 @@ def load(calibration: Calibration | PathLike) -> Calibration:
 
 
 def image_size(size: Sequence[int] | None) -> tuple[int, int] | None:
-    """Width and height. Raises `InputError`."""
-    if size is None:
-        return None
-    values = [int(v) for v in size]
-    if len(values) != 2 or not all(0 < v < 2**15 for v in values):
-        raise InputError(f"size: expected width and height in pixels, found {size}")
-    return values[0], values[1]
+    """Width and height of new images. Raises `InputError`."""
+    return None if size is None else pixels(size, "size", 2**15)
 
 
 def _target_text(target: Target | PathLike) -> str:
@@ -406,15 +403,17 @@ def _positive(number: float | None, name: str) -> float:
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
-    """The rows of a CSV table; cells with numbers become floats, empty ones None."""
+    """The rows of a CSV table; cells with numbers but those of names become floats, empty ones None."""
 
-    def value(text: str) -> Any:
+    def value(key: str, text: str) -> Any:
+        if key in ("camera", "model", "part"):
+            return text or None
         try:
             return float(text) if text else None
         except ValueError:
             return text
 
-    return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(text.splitlines())]
+    return [{key: value(key, text) for key, text in row.items()} for row in csv.DictReader(text.splitlines())]
 
 
 def _open(session: Session | PathLike) -> Session:

@@ -14,6 +14,7 @@ from .arrays import table
 from .calibration import Calibration
 from .camera import Camera
 from .commands import image_size, load, paths
+from .errors import InputError
 from .program import Progress, caller
 from .session import Session
 
@@ -297,6 +298,8 @@ def _set_view(
     balance: float | None,
     distance: float | None,
 ) -> _core.ViewOptions:
+    if fov is not None and balance is not None:
+        raise InputError("balance: goes without fov")
     options.size = image_size(size)
     options.fov = fov
     options.balance = balance

@@ -8,7 +8,7 @@ import os
 from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 from . import _core
-from .arrays import floats, images_in_memory
+from .arrays import floats, images_in_memory, pixels
 from .errors import InputError
 from .target import Target
 
@@ -56,10 +56,12 @@ class Session:
         entries = {}
         native: list[Any] = []
         for name, camera in cameras.items():
+            if missing := {"model", "image_size", "points"} - set(camera):
+                raise InputError(f"{name}: has no '{min(missing)}'")
             views = []
             for frame, points in camera["points"].items():
                 try:
-                    numbers = np.asarray(points["marker"], dtype=np.int32)
+                    numbers = floats(points["marker"], f"{name}: {frame}: marker")
                     sigma = points["sigma"] if "sigma" in points.dtype.names else np.ones(len(points))
                     columns = [floats(column, f"{name}: {frame}") for column in (points["x"], points["y"], sigma)]
                 except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
@@ -67,13 +69,15 @@ class Session:
                         f"{name}: {frame}: expected a table with the columns marker, x, y "
                         f"(and sigma), as plenocal.detect returns it"
                     ) from error
+                if not (numbers == np.clip(np.floor(numbers), 0, 2**31 - 1)).all():
+                    raise InputError(f"{name}: {frame}: marker: expected whole numbers from 0 on")
                 rows = np.stack(columns, axis=1)
                 if not np.isfinite(rows).all() or not (rows[:, 2] > 0).all():
                     raise InputError(f"{name}: {frame}: expected finite numbers and positive sigmas")
-                views.append((str(frame), numbers.tolist(), rows))
+                views.append((str(frame), numbers.astype(np.int32).tolist(), rows))
             if not any(numbers for _, numbers, _ in views):
                 raise InputError(f"{name}: has no points")
-            size = [int(v) for v in camera["image_size"]]
+            size = list(pixels(camera["image_size"], f"{name}: image_size"))
             native.append((str(name), camera["model"], size, [], views))
             files[f"points_{name}.csv"] = _core.detections_table(views)
             entries[name] = {

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
-from typing import Callable
+from typing import Any, Callable
 
 import numpy as np
 import pytest
@@ -471,6 +471,35 @@ def test_points_in_memory_need_no_folder(session: plenocal.Session) -> None:
     camera = {"model": "pinhole-radtan", "image_size": (640, 480), "points": points}
     found = plenocal.calibrate(plenocal.Session.from_points(None, session.target, {"left": camera}))
     assert found["left"].fit["points"] == len(table)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"image_size": (0, 0)}, r"left: image_size: expected width and height in pixels, found \(0, 0\)"),
+        ({"image_size": (640, 480, 3)}, "left: image_size"),
+        ({"marker": 0.5}, "left: a: marker: expected whole numbers from 0 on"),
+        ({"marker": float("nan")}, "left: a: marker: expected whole numbers"),
+        ({"marker": 2**32 + 1}, "left: a: marker: expected whole numbers"),
+        ({"marker": -1}, "left: a: marker: expected whole numbers"),
+        ({"model": None}, "left: has no 'model'"),
+    ],
+)
+def test_points_that_are_none_are_refused(change: dict[str, Any], message: str) -> None:
+    points = np.array([(change.pop("marker", 3), 10, 20)], dtype=[("marker", float), ("x", float), ("y", float)])
+    camera = {"model": "pinhole", "image_size": (640, 480), "points": {"a": points}, **change}
+    if camera["model"] is None:
+        del camera["model"]
+    with pytest.raises(plenocal.InputError, match=message):
+        plenocal.Session.from_points(None, "chessboard:9x6:25mm", {"left": camera})
+
+
+def test_names_that_look_like_numbers_stay_text(session: plenocal.Session) -> None:
+    table = plenocal.calibrate(session).residuals()
+    points = {frame: table[table["frame"] == frame][["marker", "x", "y"]] for frame in np.unique(table["frame"])}
+    camera = {"model": "pinhole-radtan", "image_size": (640, 480), "points": points}
+    found = plenocal.calibrate(plenocal.Session.from_points(None, session.target, {"0": camera}))
+    assert {row["camera"] for row in plenocal.compare(found, found)} == {"0"}
 
 
 def test_the_package_is_a_program() -> None:

@@ -223,6 +223,9 @@ def test_uncertainty_is_that_of_sampled_cameras() -> None:
 
 def test_a_parameter_that_is_not_determined_makes_projections_uncertain() -> None:
     sigma = np.diag([np.inf, 0.0, 0.0, 0.0])
+    for wrong in (-np.eye(4), np.full((4, 4), np.nan), np.triu(np.ones((4, 4)))):
+        with pytest.raises(plenocal.InputError, match="covariance: expected a symmetric matrix"):
+            plenocal.Camera("pinhole", (640, 480), [500, 500, 320, 240], covariance=wrong)
     camera = plenocal.Camera("pinhole", (640, 480), [500, 500, 320, 240], covariance=sigma)
     covariance = camera.uncertainty([[0.1, 0.0, 1.0], [0.0, 0.1, 1.0]])
     assert np.isinf(covariance[0, 0, 0])

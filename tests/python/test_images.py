@@ -93,3 +93,5 @@ def test_stereo_images_are_rectified_and_undistorted(tmp_path: pathlib.Path) -> 
         plenocal.undistort(calibration, CHESSBOARDS / "left01.jpg", tmp_path / "flat", camera="left", interpolation="x")
     with pytest.raises(plenocal.InputError, match="balance: expected a number from 0 to 1, found 2"):
         plenocal.undistort_maps(calibration[0], balance=2)
+    with pytest.raises(plenocal.InputError, match="balance: goes without fov"):
+        plenocal.undistort_maps(calibration[0], fov=60, balance=0)

@@ -308,6 +308,8 @@ TEST_F(Undistort, WhatCannotBeIsRefused) {
   refused(kWrongInput, {"barrle", "a.png"}, {"'barrel'"});
   refused(kWrongInput, {"barrel", "small.png"}, {"small.png", "160 x 100", "160 x 120"});
   refused(kWrongInput, {"barrel", "a.png", "b/a.png"}, {"a.png", "-o"});
+  fs::copy_file(Path("a.png"), Path("mask.png"));
+  refused(kWrongInput, {"barrel", "mask.png", "--mask"}, {"mask.png", "leave out --mask"});
   refused(kWrongInput, {"barrel", "a.png", "--size", "12by9"}, {"WIDTHxHEIGHT"});
   refused(kWrongInput, {"barrel", "a.png", "--balance", "2"}, {"--balance"});
   refused(kWrongInput, {"barrel", "a.png", "--bayer", "RGGB"}, {"a.png", "--bayer"});
@@ -578,6 +580,10 @@ TEST_F(RectifyPair, PreviewShowsBothImagesWithLines) {
   EXPECT_GE(lines, 20);
   fs::remove_all(Path("out"));
   ExpectRefused(kWrongInput, {"rectify", "pair.yaml", "-o", "out", "--preview"}, {"--preview"});
+  Write("pair.yaml", Replaced(Read("pair.yaml"), "  one:", "  preview:"));
+  ExpectRefused(kWrongInput,
+                {"rectify", "pair.yaml", "l*.png", "r*.png", "-o", "out", "--preview"},
+                {"--preview", "'preview'"});
 }
 
 // Corners of pairs of images, as OpenCV's calibration takes them.

@@ -204,11 +204,18 @@ TEST_F(ApiOfAFolder, RefusesWrongBodiesAndChangesNothing) {
                            "{\"frame\": 3}",
                            "{\"markers\": \"x\"}",
                            "{\"markers\": [1.5]}",
+                           "{\"markers\": [99999999999]}",
+                           "{\"markers\": [18446744073709551615]}",
                            "{\"frame\": \"a\", \"camera\": \"nobody\"}"}) {
     EXPECT_EQ(Ask("POST", {"session", "exclude"}, body).status, 400) << body;
   }
+  for (const char* body : {"{}", "", "{\"text\": null}", "{\"text\": 5}"}) {
+    EXPECT_EQ(Ask("PUT", {"session"}, body).status, 400) << body;
+    EXPECT_EQ(Ask("PUT", {"session", "target"}, body).status, 400) << body;
+  }
   EXPECT_EQ(Session(), kSession);
   EXPECT_EQ(Ask("POST", {"suggest"}, "{\"run\": \"1\"}").status, 400);
+  EXPECT_EQ(Ask("POST", {"suggest"}, "{\"run\": 4294967296}").status, 400);
   EXPECT_EQ(Ask("POST", {"jobs"}, "{\"kind\": \"rm\"}").status, 400);
   EXPECT_EQ(Ask("POST", {"jobs"}, "{\"kind\": \"init\"}").status, 409) << "there is a session";
   EXPECT_EQ(Ask("DELETE", {"jobs", "7"}).status, 404);

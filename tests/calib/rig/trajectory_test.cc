@@ -70,6 +70,23 @@ TEST_F(TrajectoryFile, OfEurocHasNanosecondsTheScalarFirstAndMoreColumns) {
   EXPECT_TRUE(found.orientations[0].isApprox(Eigen::Quaterniond(0.8, 0, 0.6, 0), kRounding));
 }
 
+TEST_F(TrajectoryFile, OfATableHasTheOrderOfItsColumns) {
+  for (const char* header : {"timestamp,tx,ty,tz,qx,qy,qz,qw\n",
+                             "# Time [s], x [m], y [m], z [m], Q_X, Q_Y, Q_Z, Q_W []\n"}) {
+    const Trajectory found = Read(header + std::string("12.5,1,2,3,0,0,0.6,0.8\n"));
+    EXPECT_THAT(found.times, ElementsAre(12.5)) << header;
+    EXPECT_TRUE(found.orientations[0].isApprox(Eigen::Quaterniond(0.8, 0, 0, 0.6), kRounding));
+  }
+  const Trajectory euroc = Read(
+      "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+      "q_RS_z []\n2000000000,1,2,3,0.8,0,0.6,0\n");
+  EXPECT_TRUE(euroc.orientations[0].isApprox(Eigen::Quaterniond(0.8, 0, 0.6, 0), kRounding));
+  EXPECT_THAT(Refusal("12.5,1,2,3,0,0,0.6,0.8\n"),
+              ::testing::HasSubstr("poses.txt:1: time 12.5 is no whole number of nanoseconds"));
+  EXPECT_EQ(Refusal("frame,x,y,z,qx,qy,qz,qw\n01,1,2,3,0,0,0.6,0.8\n"),
+            "poses.txt:2: the first column has frames; write the time of each pose in their place");
+}
+
 TEST_F(TrajectoryFile, OfKittiHasTheRowsOfAMatrix) {
   const std::string first = "1 0 0 4 0 1 0 5 0 0 1 6\n", second = "0 -1 0 7 1 0 0 8 0 0 1 9\n";
   const Trajectory found = Read(first + second);
