@@ -43,6 +43,15 @@ std::string SizeText(const cv::Mat& image) {
   return fmt::format("{} x {}", image.cols, image.rows);
 }
 
+cv::Mat ReadOfSize(const FrameImage& source, ImageSize size) {
+  cv::Mat image = ReadImage(source);
+  if (image.cols == size[0] && image.rows == size[1]) return image;
+  throw InputError("{}: is {} pixels, but the calibration is of {}",
+                   source.path.string(),
+                   SizeText(image),
+                   fmt::join(size, " x "));
+}
+
 /// One image after another through the same map.
 class Resampler {
  public:
@@ -65,13 +74,7 @@ class Resampler {
 
   [[nodiscard]] std::string Png(const FrameImage& source) const {
     const std::filesystem::path& path = source.path;
-    cv::Mat image = ReadImage(source);
-    if (image.cols != size_[0] || image.rows != size_[1]) {
-      throw InputError("{}: is {} pixels, but the calibration is of {}",
-                       path.string(),
-                       SizeText(image),
-                       fmt::join(size_, " x "));
-    }
+    cv::Mat image = ReadOfSize(source, size_);
     if (bayer_ && image.channels() != 1) {
       throw InputError("{}: is no mosaic but has colours; leave --bayer out", path.string());
     }
@@ -136,6 +139,19 @@ void CheckImageNames(const std::vector<FrameImage>& images, const std::string& s
           suffix);
     }
   }
+}
+
+void CheckImageSizes(const std::vector<FrameImage>& images, ImageSize size) {
+  std::optional<Error> first;
+  for (const FrameImage& image : images) {
+    try {
+      static_cast<void>(ReadOfSize(image, size));
+      return;
+    } catch (const Error& error) {
+      if (!first) first = error;
+    }
+  }
+  if (first) throw Error(*first);
 }
 
 size_t ResampleToFolder(const std::vector<FrameImage>& images,

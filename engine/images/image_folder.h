@@ -33,6 +33,10 @@ void CheckImageNames(const std::vector<FrameImage>& images,
                      const std::string& suffix = ".png",
                      bool mask = false);
 
+/// Throws the `Error` of the first image unless one of them can be read and has this size: a map
+/// for a wrong size, which may be far larger, is not computed.
+void CheckImageSizes(const std::vector<FrameImage>& images, ImageSize size);
+
 /// How the images of `camera`, one of `calibration`, are resampled.
 struct FolderResampling {
   const CalibrationRecord& calibration;

@@ -205,6 +205,7 @@ RectifiedImages RectifyImages(const CalibrationRecord& calibration,
     if (!request.preview || camera->name != "preview") continue;
     throw InputError("--preview: a camera has the name of their folder, 'preview'");
   }
+  for (size_t c = 0; c < 2; ++c) CheckImageSizes(images[c], cameras[c]->image_size);
   OutputFolder out(request.out);
   out.RefuseInputs({"calibration.yaml"});
   Encoded encoded;

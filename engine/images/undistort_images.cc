@@ -53,6 +53,7 @@ UndistortedImages UndistortOrdinary(const UndistortJob& job) {
   const CentralView central(job.calibration, job.camera, job.request.view.distance);
   central.Report(job.run);
   const CalibratedCamera view = UndistortedView(central.camera(), job.request.view);
+  CheckImageSizes(job.images, job.camera.image_size);
   OutputFolder out(job.request.out);
   out.RefuseInputs({"calibration.yaml"});
   const PixelMap map =

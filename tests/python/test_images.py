@@ -38,6 +38,13 @@ def plenoptic(tmp_path_factory: pytest.TempPathFactory) -> plenocal.Session:
     return plenocal.simulate(folder / "spec.yaml", folder / "set")
 
 
+def test_an_array_is_one_image_in_grey_or_colours() -> None:
+    for shape in ((4, 5), (4, 5, 3)):
+        ((name, frames),) = plenocal.arrays.images_in_memory(np.zeros(shape, np.uint8))
+        assert name == "cam" and [pixels.shape for _, pixels in frames] == [shape]
+    assert len(plenocal.arrays.images_in_memory(np.zeros((7, 4, 5), np.uint8))[0][1]) == 7
+
+
 def test_white_images_give_grid_attenuation_and_noise(plenoptic: plenocal.Session, tmp_path: pathlib.Path) -> None:
     (found,) = plenocal.white(plenoptic)
     assert found.camera == "plenoptic" and "hexagonal lattice" in found.summary
