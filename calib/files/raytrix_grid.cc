@@ -216,7 +216,7 @@ std::string RayCalibDataXml(const MicroLensArray& array) {
   });
   const Matrix2d neighbours = lattice.basis * raytrix.steps.cast<double>();
   const double diameter = neighbours.col(0).norm();
-  // Of the angle the bases have whole right angles only.
+  // The bases are along an axis; <rotation> is the whole angle.
   const double rotation = -std::atan2(neighbours(1, 0), neighbours(0, 0));
   const Matrix2d bases = Eigen::Rotation2Dd(rotation - raytrix.along) * neighbours / diameter;
   return fmt::format("<RayCalibData version=\"1.0\">\n{}",
